@@ -35,11 +35,14 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array, UInt8
 from scene.camera import Camera
+from scene.live_appearance import LiveAppearance
 from scene.motion import Pose
+from services.joining.look_track import BITRATE
 from services.live.cell_code import draw_cells
+from services.live.look.keying import lifted
 from services.live.look.packets import Whose, encode_aligned_pose, encode_frame
 from services.live.look.picture import AlignedPose
-from services.live.look.picture_code import PictureCode, cells_of
+from services.live.look.picture_code import SIDE_PX, PictureCode, cells_of
 from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
 from services.live.packets import performer_check
 from services.live.room import MeetingPerformer, Room
@@ -47,7 +50,7 @@ from services.live.streaming.pose_feed import POSES_PER_SECOND, pose_packets
 
 PEOPLE = (1, 4)
 SPLATS, SIZE = 10_000, 256
-PICTURES_PER_SECOND, BITRATE = 15, 160_000
+PICTURES_PER_SECOND = 15
 """As client/src/look and client/src/transport/whep.ts have it."""
 _MOMENTS, _SECONDS, _TURNS = 30, 6.0, 3
 _PACKET_BYTES = 1200
@@ -124,7 +127,7 @@ def sent_by(model: SplatModel, whose: Whose) -> list[Moment]:
         pose = Pose(angles, root, number / PICTURES_PER_SECOND)
         transforms = model.skeleton.skinning_transforms(angles, root)
         change = rng.normal(0.0, 0.1, (len(model), 3)).astype(np.float32)
-        seen = renderer.render(camera, [transforms], changes=[change])
+        seen = renderer.render(camera, [transforms], appearances=[LiveAppearance(change)])
         frame = VideoFrame.from_ndarray(_frame(seen, number), format="rgb24").reformat(
             format="yuv420p"
         )
@@ -147,15 +150,14 @@ def _picture(seen: Array, camera: Camera, pose: Pose) -> WebcamPicture:
     return WebcamPicture(levels[..., :3].copy(), levels[..., 3].copy(), camera, pose)
 
 
-def _frame(seen: Array, number: int) -> UInt8[Array, "432 288 3"]:
-    """The person above, their matte, at half the size, and the code below."""
+def _frame(seen: Array, number: int) -> UInt8[Array, "528 384 3"]:
+    """The person above, the code below."""
     width, height = FRAME_SIZE
     pixels = np.zeros((height, width, 3), np.uint8)
-    pixels[:PICTURE_PX] = np.clip(255.0 * seen[..., :3], 0.0, 255.0)
-    half = height - PICTURE_PX
-    pixels[PICTURE_PX:, :half] = np.clip(255.0 * seen[::2, ::2, 3:], 0.0, 255.0)
+    levels, kept = np.clip(255.0 * seen[..., :3], 0.0, 255.0), np.clip(seen[..., 3], 0.0, 1.0)
+    pixels[:PICTURE_PX] = lifted(levels.astype(np.uint8), kept)
     code = PictureCode(1000 * number // PICTURES_PER_SECOND, 0, 0, PICTURE_PX)
-    pixels[PICTURE_PX:, half:] = draw_cells(cells_of(code))[..., None]
+    pixels[PICTURE_PX:, :SIDE_PX] = draw_cells(cells_of(code))[..., None]
     return pixels
 
 

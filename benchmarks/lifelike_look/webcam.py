@@ -20,7 +20,7 @@ from scene.sequence import Frame
 from scene.skeleton import Skeleton
 from services.joining.cut_out import CutOut
 from services.joining.finder import FoundPerson, PersonFinder
-from services.joining.look_track import BITRATE
+from services.joining.look_track import BITRATE, SPEED
 from services.live.keypoints_packet import KeypointsPacket, decode_keypoints, encode_keypoints
 from services.live.look.receiver import picture_of
 from services.live.motion.live_looks import seen_of
@@ -69,7 +69,7 @@ class SyntheticWebcam:
     def pictures(self, skeleton: Skeleton) -> Iterator[SeenPicture]:
         """What comes of the performance for a model of `skeleton`, in order, 15 a second."""
         live, cut_out = LiveMotion(skeleton), CutOut()
-        coder, decoder = PictureEncoder(Codec.VP8), av.CodecContext.create("libvpx", "r")
+        coder, decoder = PictureEncoder(Codec.VP8, SPEED), av.CodecContext.create("libvpx", "r")
         for number in range(len(self._performance.motion)):
             truth = self._performance.truth(number, supersampling=_SUPERSAMPLING)
             time_ms = _FIRST_MS + 1e3 * number / PLAYED_HZ

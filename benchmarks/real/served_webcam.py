@@ -17,7 +17,7 @@ from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput
 from services.joining.cut_out import CutOut
 from services.joining.finder import PersonFinder
-from services.joining.look_track import BITRATE
+from services.joining.look_track import BITRATE, SPEED
 from services.live.look.decoder import LookDecoder
 from services.live.look.receiver import FRAME_SIZE, picture_of
 from services.live.motion.live_looks import PerformerLook
@@ -54,7 +54,7 @@ class ServedWebcam:
         self, finder: PersonFinder, film: Iterable[tuple[float, UInt8[Array, "H W 3"]]]
     ) -> int:
         """Have the server see a film, of seconds and sRGB pictures; how many it got to see."""
-        cut_out, coder, sent, start_s = CutOut(), PictureEncoder(Codec.VP8), 0, self._now_s
+        cut_out, coder, sent, start_s = CutOut(), PictureEncoder(Codec.VP8, SPEED), 0, self._now_s
         for time_s, image in film:
             self._now_s = start_s + time_s
             time_ms = 1e3 * self._now_s

@@ -1,4 +1,4 @@
-"""Draws what leaves the device for live look: the person cut out, their matte, and the code.
+"""Draws what leaves the device for live look: the person cut out, and the code.
 
 The page's twins are client/src/look/cutOut.ts and matte.ts; `services.live.look.receiver` reads it.
 """
@@ -12,6 +12,7 @@ from capture.detection.landmarks import Landmarks
 from scene.arrays import Array, Float, UInt8
 from services.joining.window import LookWindow, Square
 from services.live.cell_code import draw_cells
+from services.live.look.keying import lifted
 from services.live.look.picture_code import SIDE_PX, PictureCode, cells_of
 from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
 from services.live.motion.live_motion import CAPTURE_TIMES
@@ -21,6 +22,8 @@ _LEAST = 0.1
 _LEAST_MS = 60.0
 """Between pictures: fifteen a second are sent, of a camera's thirty every other."""
 _MIDDLE_GREY = 128
+MATTE_PX = PICTURE_PX // 2
+"""Of a side: a network's mask is no finer."""
 
 
 class CutOut:
@@ -32,7 +35,7 @@ class CutOut:
 
     def draw(
         self, image: UInt8[Array, "H W 3"], seen: Landmarks, time_ms: float
-    ) -> UInt8[Array, "432 288 3"] | None:
+    ) -> UInt8[Array, "528 384 3"] | None:
         """The sRGB picture to send of `image`, captured at `time_ms`.
 
         None where the person is hardly seen, and where the last one was drawn a moment ago.
@@ -43,18 +46,17 @@ class CutOut:
         if square is None:
             return None
         self._drawn_ms = time_ms
-        matte = matte_of(seen.mask, square, SIDE_PX)
+        matte = matte_of(seen.mask, square, MATTE_PX)
         kept = np.minimum(2.0 / 255.0 * matte.astype(np.float32), 1.0)
         kept = cv2.resize(kept, (PICTURE_PX, PICTURE_PX), interpolation=cv2.INTER_LINEAR)
         # exactly nothing where the matte is nought, whatever the pixels beside it are
         kept[np.kron(matte, np.ones((2, 2), np.uint8)) == 0] = 0.0
         width, height = FRAME_SIZE
         frame = np.zeros((height, width, 3), np.uint8)
-        frame[:PICTURE_PX] = (_square_of(image, square) * kept[..., None] + 0.5).astype(np.uint8)
-        frame[PICTURE_PX:, :SIDE_PX] = matte[..., None]
+        frame[:PICTURE_PX] = lifted(_square_of(image, square), kept)
         code = PictureCode(int(time_ms) % CAPTURE_TIMES, *square)
         white = draw_cells(cells_of(code)) > _MIDDLE_GREY
-        frame[PICTURE_PX:, SIDE_PX:] = 255 * white[..., None].astype(np.uint8)
+        frame[PICTURE_PX:, :SIDE_PX] = 255 * white[..., None].astype(np.uint8)
         return frame
 
 
@@ -70,7 +72,7 @@ def matte_of(mask: Float[Array, "H W"], square: Square, side: int) -> UInt8[Arra
     return np.rint(255.0 * np.clip(matte, 0.0, 1.0)).astype(np.uint8)
 
 
-def _square_of(image: UInt8[Array, "H W 3"], square: Square) -> UInt8[Array, "288 288 3"]:
+def _square_of(image: UInt8[Array, "H W 3"], square: Square) -> UInt8[Array, "384 384 3"]:
     """`square` of the picture at the size that is sent; black beyond the picture."""
     x, y, side = square
     height, width = image.shape[:2]

@@ -11,8 +11,8 @@ from av import Packet, VideoFrame
 from scene.arrays import Array, UInt8
 from services.live.streaming.encoding import FRAMES_PER_SECOND, Codec, PictureEncoder
 
-BITRATE = 160_000
-"""bit/s, as pages send at most."""
+BITRATE, SPEED = 240_000, 6
+"""bit/s, as pages send at most, and how fast VP8 is coded, as browsers do."""
 
 
 class LookTrack(MediaStreamTrack):
@@ -22,12 +22,12 @@ class LookTrack(MediaStreamTrack):
 
     def __init__(self, clock: Callable[[], float]) -> None:
         super().__init__()
-        self._clock, self._encoder = clock, PictureEncoder(Codec.VP8)
+        self._clock, self._encoder = clock, PictureEncoder(Codec.VP8, SPEED)
         self._start_s, self._tick = clock(), 0
-        self._newest: UInt8[Array, "432 288 3"] | None = None
+        self._newest: UInt8[Array, "528 384 3"] | None = None
         self._came, self._key_frame_requested = asyncio.Event(), True
 
-    def show(self, picture: UInt8[Array, "432 288 3"]) -> None:
+    def show(self, picture: UInt8[Array, "528 384 3"]) -> None:
         """Send `picture` (sRGB) next; one that still waits is dropped."""
         self._newest = picture
         self._came.set()

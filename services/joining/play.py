@@ -38,7 +38,7 @@ class _Looked(NamedTuple):
     """What a frame shows, as it is sent."""
 
     packet: KeypointsPacket | None
-    picture: UInt8[Array, "432 288 3"] | None
+    picture: UInt8[Array, "528 384 3"] | None
 
 
 class WebcamPlayer:

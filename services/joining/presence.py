@@ -50,7 +50,7 @@ class Presence:
             raise self._ended
         return self._member.send(packet)
 
-    def show(self, picture: UInt8[Array, "432 288 3"]) -> None:
+    def show(self, picture: UInt8[Array, "528 384 3"]) -> None:
         """Send a picture for live look, if that is on."""
         if self._member.look is not None:
             self._member.look.show(picture)

@@ -4,17 +4,18 @@ import { mattePixels, matteOf, type Mask } from "./matte";
 import { CELLS, CELL_PX, pictureCodeCells } from "./pictureCode";
 import { LookWindow, type SeenPoints } from "./window";
 
-export const PICTURE_PX = 288;
-const HALF_PX = CELLS * CELL_PX;
+export const PICTURE_PX = 384;
+/** Of the matte and of the code beside it. */
+export const MATTE_PX = CELLS * CELL_PX;
 export const LOOK_WIDTH = PICTURE_PX;
-export const LOOK_HEIGHT = PICTURE_PX + HALF_PX;
+export const LOOK_HEIGHT = PICTURE_PX + MATTE_PX;
 
 /** Between pictures: fifteen a second are sent, of a camera's thirty every other. */
 const LEAST_MS = 60;
 
 export class CutOut {
   private readonly page = penOf(LOOK_WIDTH, LOOK_HEIGHT);
-  private readonly matte = penOf(HALF_PX, HALF_PX);
+  private readonly matte = penOf(MATTE_PX, MATTE_PX);
   private readonly window = new LookWindow();
   private drawnMs = -Infinity;
 
@@ -29,7 +30,7 @@ export class CutOut {
     this.drawnMs = timeMs;
     const { page, matte } = this;
     const { x, y, side } = square;
-    const { grey, kept } = mattePixels(matteOf(mask, square, HALF_PX));
+    const { grey, kept } = mattePixels(matteOf(mask, square, MATTE_PX));
     page.globalCompositeOperation = "copy";
     page.drawImage(picture, x, y, side, side, 0, 0, PICTURE_PX, PICTURE_PX);
     matte.putImageData(imageOf(kept), 0, 0);
@@ -43,14 +44,14 @@ export class CutOut {
     page.fillStyle = "white";
     pictureCodeCells(timeMs, square).forEach((white, index) => {
       const [row, column] = [Math.floor(index / CELLS), index % CELLS];
-      if (white) page.fillRect(HALF_PX + column * CELL_PX, PICTURE_PX + row * CELL_PX, CELL_PX, CELL_PX);
+      if (white) page.fillRect(MATTE_PX + column * CELL_PX, PICTURE_PX + row * CELL_PX, CELL_PX, CELL_PX);
     });
     return page.canvas.transferToImageBitmap();
   }
 }
 
 function imageOf(pixels: Uint8ClampedArray): ImageData {
-  return new ImageData(pixels as Uint8ClampedArray<ArrayBuffer>, HALF_PX, HALF_PX);
+  return new ImageData(pixels as Uint8ClampedArray<ArrayBuffer>, MATTE_PX, MATTE_PX);
 }
 
 function penOf(width: number, height: number): OffscreenCanvasRenderingContext2D {

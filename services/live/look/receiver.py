@@ -1,10 +1,10 @@
 """The pictures of themselves that somebody sends over their WHEP connection.
 
-A frame is 288 x 432 px: the person cut out, 288 x 288; below it their matte, 144 x 144, and to the
-right of that the code of `services.live.look.picture_code`. Frames are decoded only while they are
-somebody's whom this connection drives by keypoints, and only while the newest keypoints say that
-live look is on: nobody's pictures are looked at against their will. Encoded frames go on to pages
-that draw by themselves; they wait on the event loop and are decoded by a process
+A frame is 384 x 528 px: the person on black, 384 x 384 (`services.live.look.keying`), and below
+them the code of `services.live.look.picture_code`. Frames are decoded only while they are of
+somebody whom this connection drives by keypoints, and only while the newest keypoints say that live
+look is on: nobody's pictures are looked at against their will. Encoded frames go on to pages that
+draw by themselves; they wait on the event loop and are decoded by a process
 (`services.live.look.decoder`), all of them, since each builds on the last, and only the newest
 becomes a picture.
 """
@@ -17,14 +17,13 @@ import re
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Executor
 
-import cv2
-import numpy as np
 from prometheus_client import Counter
 
 from scene.arrays import Array, UInt8
 from services.live.look import picture_code
 from services.live.look.decoder import DecodingFailed, LookDecoder
 from services.live.look.keeping import Keeping
+from services.live.look.keying import lowered
 from services.live.look.picture import AlignedPose, LookPicture, LookSink, PoseRequest
 from services.live.look.relay import LookRelay, NoRelay
 
@@ -35,7 +34,7 @@ PICTURES = Counter(
 )
 """shown; refused (of nobody who may be shown, or not announced); replaced (by a newer one, while it
 waited); unreadable (of another size, damaged, or without a code)."""
-PICTURE_PX = 288
+PICTURE_PX = 384
 FRAME_SIZE = (PICTURE_PX, PICTURE_PX + picture_code.SIDE_PX)
 """Width and height, px."""
 SILENCE_S = 1.0
@@ -218,14 +217,10 @@ def offers_pictures(sdp_offer: str) -> bool:
     return len(sections) > 1 and "a=sendonly" in sections[1].splitlines()
 
 
-def picture_of(rgb: UInt8[Array, "432 288 3"]) -> LookPicture | None:
+def picture_of(rgb: UInt8[Array, "528 384 3"]) -> LookPicture | None:
     """What a decoded frame shows; None where there is no code in it."""
-    half = picture_code.SIDE_PX
-    grey = rgb[PICTURE_PX:, :, 1]
-    code = picture_code.read(grey[:, half:])
+    code = picture_code.read(rgb[PICTURE_PX:, : picture_code.SIDE_PX, 1])
     if code is None:
         return None
-    size = (PICTURE_PX, PICTURE_PX)
-    matte = np.asarray(cv2.resize(grey[:, :half], size, interpolation=cv2.INTER_LINEAR))
     window = code.x, code.y, code.side
-    return LookPicture(code.captured_ms, window, rgb[:PICTURE_PX], matte)
+    return LookPicture(code.captured_ms, window, *lowered(rgb[:PICTURE_PX]))

@@ -21,6 +21,8 @@ FRAMES_PER_SECOND = 30
 _CLOCK_RATE = 90_000
 """Of RTP's timestamps for video, Hz."""
 _TICKS, _TIME_BASE = Fraction(1, FRAMES_PER_SECOND), Fraction(1, _CLOCK_RATE)
+_FASTEST = 12
+"""Of VP8's speeds."""
 _NO_KEY_FRAMES = 1 << 20
 """Frames between key frames that nobody requested: half a day."""
 BITRATES = (500_000, 750_000, 1_100_000, 1_700_000, 2_500_000, 4_000_000, 6_000_000)
@@ -83,8 +85,9 @@ class BitrateSteps:
 class PictureEncoder:
     """One viewer's stream. Encodes in the thread that calls, which must be one at a time."""
 
-    def __init__(self, codec: Codec) -> None:
-        self._codec = codec
+    def __init__(self, codec: Codec, vp8_speed: int = _FASTEST) -> None:
+        """`vp8_speed`: up to 12; slower ones look better at the same bitrate."""
+        self._codec, self._vp8_speed = codec, vp8_speed
         self._context: VideoCodecContext | None = None
         self._opened: tuple[int, int, int] = (0, 0, 0)
         """Width, height and bitrate of the open context."""
@@ -134,7 +137,7 @@ class PictureEncoder:
             context.qmin, context.qmax = 2, 56
             context.options = {
                 "deadline": "realtime",
-                "cpu-used": "-12",
+                "cpu-used": str(-self._vp8_speed),
                 "lag-in-frames": "0",
                 "minrate": str(bitrate),
                 "maxrate": str(bitrate),

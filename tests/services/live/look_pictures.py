@@ -13,6 +13,7 @@ from av.video.codeccontext import VideoCodecContext
 
 from scene.arrays import Array, UInt8
 from services.live.cell_code import draw_cells
+from services.live.look.keying import lifted
 from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
 from services.live.look.picture_code import SIDE_PX, PictureCode, cells_of
 from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
@@ -20,19 +21,18 @@ from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
 BITRATE = 250_000
 
 
-def frame_of(code: PictureCode, rgb: UInt8[Array, "288 288 3"] | None = None) -> VideoFrame:
+def frame_of(code: PictureCode, rgb: UInt8[Array, "384 384 3"] | None = None) -> VideoFrame:
     """A frame whose person fills the middle of their picture; light blue unless `rgb` is given."""
     inside = np.zeros((PICTURE_PX, PICTURE_PX), bool)
-    inside[72:216, 72:216] = True
+    inside[96:288, 96:288] = True
     person = np.array([40, 90, 200], np.uint8) if rgb is None else rgb
-    matte = 255 * inside[::2, ::2].astype(np.uint8)
     width, height = FRAME_SIZE
     pixels = np.zeros((height, width, 3), np.uint8)
-    pixels[:PICTURE_PX] = np.where(inside[..., None], person, 0)
-    pixels[PICTURE_PX:, :SIDE_PX] = matte[..., None]
+    whole = np.broadcast_to(person, (PICTURE_PX, PICTURE_PX, 3))
+    pixels[:PICTURE_PX] = lifted(whole, inside.astype(np.float32))
     # a page draws black and white; a coder makes 16 and 235 of them
     white = draw_cells(cells_of(code)) > 128
-    pixels[PICTURE_PX:, SIDE_PX:] = 255 * white[..., None].astype(np.uint8)
+    pixels[PICTURE_PX:, :SIDE_PX] = 255 * white[..., None].astype(np.uint8)
     return VideoFrame.from_ndarray(pixels, format="rgb24").reformat(format="yuv420p")
 
 

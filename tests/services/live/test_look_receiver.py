@@ -84,12 +84,12 @@ async def test_a_picture_arrives_with_its_time_window_and_matte(ends):
     (picture,) = ends.sink.pictures
     assert picture.captured_ms == 1000
     assert picture.window == (-20, 30, 360)
-    assert picture.rgb.shape == (288, 288, 3)
-    assert picture.matte.shape == (288, 288)
-    np.testing.assert_allclose(picture.rgb[90:200, 90:200].mean((0, 1)), [40, 90, 200], atol=6)
-    assert picture.rgb[:60].max() < 10
-    assert picture.matte[90:200, 90:200].min() > 245
-    assert picture.matte[:60].max() < 10
+    assert picture.rgb.shape == (384, 384, 3)
+    assert picture.matte.shape == (384, 384)
+    np.testing.assert_allclose(picture.rgb[110:270, 110:270].mean((0, 1)), [40, 90, 200], atol=6)
+    assert picture.rgb[:80].max() < 10
+    assert picture.matte[110:270, 110:270].min() > 245
+    assert picture.matte[:80].max() < 10
 
 
 async def test_pictures_of_nobody_are_refused_unseen(ends):
@@ -248,7 +248,7 @@ async def test_what_decodes_ends_with_the_connection(ends):
 
 def test_only_key_frames_tell_a_size():
     key, next_one, *_ = stream()
-    assert key_frame_size(key) == (288, 432)
+    assert key_frame_size(key) == (384, 528)
     assert key_frame_size(next_one) is None
     for length in range(10):
         assert key_frame_size(key[:length]) is None

@@ -52,11 +52,11 @@ def test_a_plain_corner_is_no_code(shade):
 
 def test_codes_are_read_from_rough_pictures_at_the_lowest_bitrate():
     rng = np.random.default_rng(1)
-    rough = np.kron(rng.integers(0, 255, (72, 72, 3), np.uint8), np.ones((4, 4, 1), np.uint8))
+    rough = np.kron(rng.integers(0, 255, (96, 96, 3), np.uint8), np.ones((4, 4, 1), np.uint8))
     encoder, decoder = Encoder(), CodecContext.create("libvpx", "r")
     for number in range(15):
         code = PictureCode(66 * number, 4 * number - 20, 10, 300 + number)
         data = encoder.encode(frame_of(code, np.roll(rough, 7 * number, axis=1)))
         (frame,) = decoder.decode(Packet(data))
-        shown = frame.to_ndarray(format="rgb24")[PICTURE_PX:, SIDE_PX:, 1]
+        shown = frame.to_ndarray(format="rgb24")[PICTURE_PX:, :SIDE_PX, 1]
         assert read(shown) == code
