@@ -4,6 +4,9 @@ import type { SplatFile } from "../splats/file";
 import { NEVER } from "../splats/levels";
 import type { MovedSplats } from "../splats/moved";
 
+/** A smaller share is none. */
+const LEAST_SHARE = 1e-6;
+
 /** The finest level of `file` by itself, and where in the file each of its splats is. */
 export function finestLevel(file: SplatFile): { splats: SplatFile; places: Uint32Array } {
   const { levels } = file;
@@ -43,6 +46,12 @@ export function ofAllLevels({ levels, count }: SplatFile, places: Uint32Array, r
     for (let c = 0; c < 3; c++) all[to + c] = 0.5 * (all[first + c]! + all[first + 3 + c]!);
   }
   return all;
+}
+
+/** Place (x and y) and share of each of the finest splats -> of the splats of all levels; places weigh by their share. */
+export function placesOfAllLevels(file: SplatFile, places: Uint32Array, laid: Float32Array): Float32Array {
+  const all = ofAllLevels(file, places, laid.map((value, at) => (at % 3 < 2 ? value * laid[at - (at % 3) + 2]! : value)));
+  return all.map((value, at) => (at % 3 < 2 ? value / Math.max(all[at - (at % 3) + 2]!, LEAST_SHARE) : value));
 }
 
 function taken<A extends Float32Array | Uint8Array | Int8Array>(values: A, places: Uint32Array, width: number): A {
