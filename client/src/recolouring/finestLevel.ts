@@ -50,8 +50,20 @@ export function ofAllLevels({ levels, count }: SplatFile, places: Uint32Array, r
 
 /** Place (x and y) and share of each of the finest splats -> of the splats of all levels; places weigh by their share. */
 export function placesOfAllLevels(file: SplatFile, places: Uint32Array, laid: Float32Array): Float32Array {
-  const all = ofAllLevels(file, places, laid.map((value, at) => (at % 3 < 2 ? value * laid[at - (at % 3) + 2]! : value)));
-  return all.map((value, at) => (at % 3 < 2 ? value / Math.max(all[at - (at % 3) + 2]!, LEAST_SHARE) : value));
+  const weighed = new Float32Array(laid.length);
+  for (let at = 0; at < laid.length; at += 3) {
+    const share = laid[at + 2]!;
+    weighed[at] = share * laid[at]!;
+    weighed[at + 1] = share * laid[at + 1]!;
+    weighed[at + 2] = share;
+  }
+  const all = ofAllLevels(file, places, weighed);
+  for (let at = 0; at < all.length; at += 3) {
+    const share = Math.max(all[at + 2]!, LEAST_SHARE);
+    all[at]! /= share;
+    all[at + 1]! /= share;
+  }
+  return all;
 }
 
 function taken<A extends Float32Array | Uint8Array | Int8Array>(values: A, places: Uint32Array, width: number): A {

@@ -3,10 +3,10 @@
  * holds both to the same changes of the same pictures.
  */
 
-import { changeColours, packChanges } from "../splats/changes";
+import { packChanges } from "../splats/changes";
 import type { SplatFile } from "../splats/file";
 import { packDetail, packPlaces, type LaidPicture } from "../splats/laid";
-import { depthOrder } from "../splats/sort";
+import { allocateOrder, depthOrder } from "../splats/sort";
 import type { PosePacket } from "../transport/packets";
 import { Detail, type FinePicture } from "./detail";
 import { finestLevel, ofAllLevels, placesOfAllLevels } from "./finestLevel";
@@ -14,6 +14,7 @@ import { Footprints } from "./footprints";
 import { hiddenByBody, hiddenByLimbs, limbSplats } from "./hidden";
 import { nearest } from "./neighbours";
 import { ProjectedSplats, type Lens } from "./projected";
+import type { DrawsPosed } from "./webcamView";
 
 /** Steps of colours a picture; what is left is made up for in the next ones. */
 const STEPS = 2;
@@ -68,7 +69,7 @@ export class LiveColours {
   /** What was added to the colours last. */
   private readonly shown: Float32Array;
   private readonly detail: Detail;
-  private focalPx = 0;
+  private lens: Lens = [1, 1, 0, 0];
   private readonly order: Uint32Array;
   private timeS: number | null = null;
 
@@ -105,7 +106,7 @@ export class LiveColours {
   /** Take the colours of a picture, which shows them in `pose`; its capture time is the picture's moment. */
   see(picture: CutOutPicture, pose: PosePacket, lens: Lens): void {
     const { splats, footprints, change, side } = this;
-    this.focalPx = lens[0];
+    this.lens = lens;
     splats.place(pose, lens, side);
     footprints.fill(splats, this.order, depthOrder(splats.depth, this.order));
     const through = hiddenByBody(splats, this.limbs, side);
@@ -152,12 +153,20 @@ export class LiveColours {
     return packChanges(ofAllLevels(this.file, this.places, shown));
   }
 
-  /** What the picture that was seen last shows, in all its pixels, beyond the colours that `changesAt` told last. */
-  laidPicture(picture: FinePicture): LaidPicture {
-    const { colours, footprints, laidShare, person, pixels, share, shown, splats } = this;
-    changeColours(splats.colours, person.colours, shown, colours);
-    footprints.draw(colours, pixels);
-    const detail = packDetail(this.detail.of(picture, pixels));
+  /**
+   * What the picture that was seen last shows, in all its pixels, beyond the colours that `changesAt` told last; `view`
+   * draws what they come to.
+   */
+  laidPicture(picture: FinePicture, view: DrawsPosed): LaidPicture {
+    const { footprints, laidShare, person, share, shown, splats } = this;
+    const [fx, fy, cx, cy] = this.lens;
+    const lens = [FINER * fx, FINER * fy, FINER * cx, FINER * cy] as const;
+    const { count, order: sorted } = footprints;
+    const order = allocateOrder(person.count);
+    order.set(sorted.subarray(0, count));
+    const { transforms } = splats;
+    const posed = { person, transforms, offsets: splats.offsets.slice(), order, count, changes: packChanges(shown) };
+    const detail = packDetail(this.detail.of(picture, view.draw(posed, lens, picture.side)));
     const places = new Float32Array(3 * person.count);
     for (let i = 0; i < person.count; i++) {
       places[3 * i] = FINER * splats.x[i]!;
@@ -165,7 +174,7 @@ export class LiveColours {
       places[3 * i + 2] = Math.min(laidShare[i]!, share[i]!);
     }
     const all = placesOfAllLevels(this.file, this.places, places);
-    return { detail, places: packPlaces(all), webcam: splats.webcam, focalPx: FINER * this.focalPx };
+    return { detail, places: packPlaces(all), webcam: splats.webcam, focalPx: lens[0] };
   }
 
   /** What each pixel lacks beside what the splats, in their present colours, come to. */

@@ -1,7 +1,7 @@
 /** Reads a decoded frame of live look: the person cut out above, their matte below (`CutOut` draws them). */
 
 import { LOOK_HEIGHT, PICTURE_PX } from "../look/cutOut";
-import { doubled, type FinePicture } from "./detail";
+import type { FinePicture } from "./detail";
 import type { CutOutPicture } from "./liveColours";
 
 /** Matte from which a pixel shows nothing but the person, with all round it. */
@@ -36,7 +36,7 @@ export class PictureReader {
   }
 
   private fine(rgba: Uint8ClampedArray): FinePicture {
-    doubled(this.matte, MATTE_PX, 1, this.fineMatte);
+    doubled(this.matte, MATTE_PX, this.fineMatte);
     return { side: PICTURE_PX, rgba, known: eroded(this.fineMatte, PICTURE_PX) };
   }
 }
@@ -69,6 +69,21 @@ function halved(data: Uint8ClampedArray, side: number): Float32Array {
     }
   }
   return rgb;
+}
+
+/** Enlarge `from`, of `side` px, to twice the size, bilinearly, into `to`. */
+export function doubled(from: Float32Array, side: number, to: Float32Array): void {
+  const row = new Float32Array(side);
+  for (let y = 0; y < 2 * side; y++) {
+    const near = side * (y >> 1);
+    const far = side * Math.max(0, Math.min((y >> 1) + (y & 1 ? 1 : -1), side - 1));
+    for (let x = 0; x < side; x++) row[x] = 0.75 * from[near + x]! + 0.25 * from[far + x]!;
+    for (let x = 0; x < side; x++) {
+      const into = 2 * (side * y + x);
+      to[into] = 0.75 * row[x]! + 0.25 * row[Math.max(0, x - 1)]!;
+      to[into + 1] = 0.75 * row[x]! + 0.25 * row[Math.min(side - 1, x + 1)]!;
+    }
+  }
 }
 
 /** 1 where a pixel and all round it are inside the matte; beyond the picture's edge everything is. */

@@ -33,8 +33,9 @@ export class ProjectedSplats {
   readonly depth: Float32Array;
   /** sRGB in the light of their clip, 0 to 1. */
   readonly colours: Float32Array;
-  private readonly transforms: Float32Array;
-  private readonly offsets: Float32Array;
+  /** A transform a joint, and how far faces and hands move their splats, see `moveSplats`. */
+  readonly transforms: Float32Array;
+  readonly offsets: Float32Array;
   private readonly positions: Float32Array;
   private readonly light: ClipLight;
   private readonly blended = new Float32Array(TRANSFORM);

@@ -7,6 +7,7 @@ import { LiveColours } from "./liveColours";
 import { LookDecoder, MOST_WAITING } from "./lookDecoder";
 import type { LookFrame, LookPose } from "./packets";
 import { PictureReader, SIDE } from "./pictureReader";
+import { WebcamView } from "./webcamView";
 
 /** What the page tells of a person: their splats, what comes of them and whether it lays pictures, or that they end. */
 export type LookTask = { person: number } & (
@@ -28,6 +29,8 @@ export interface Recoloured {
 const SHARE = navigator.hardwareConcurrency > 4 ? 0.7 : 0.25;
 
 const reader = new PictureReader();
+/** Made for the first picture that is laid; null: this browser can't draw in a worker. */
+let view: WebcamView | null | undefined;
 const people = new Map<number, Person>();
 let timer: ReturnType<typeof setTimeout> | null = null;
 let restedMs = 0;
@@ -78,7 +81,8 @@ class Person {
     const scale = SIDE / PICTURE_PX;
     colours.see(picture, pose, [lens[0] * scale, lens[1] * scale, lens[2] * scale, lens[3] * scale]);
     const changes = colours.changesAt(pose.captureTimeMs / 1000);
-    const laid = this.lays ? colours.laidPicture(fine()) : null;
+    if (this.lays && view === undefined) view = makeView();
+    const laid = this.lays && view ? colours.laidPicture(fine(), view) : null;
     return { version, changes, laid, momentMs: pose.captureTimeMs };
   }
 
@@ -86,6 +90,14 @@ class Person {
     this.decoder.close();
     this.poses = [];
     this.colours = null;
+  }
+}
+
+function makeView(): WebcamView | null {
+  try {
+    return new WebcamView(new OffscreenCanvas(1, 1));
+  } catch {
+    return null;
   }
 }
 

@@ -20,16 +20,6 @@ vec3 changed(vec3 colour, vec3 captured, uint change) {
 }
 `;
 
-/** The same of all splats: sRGB as drawn and as captured (of 255), and the changes, into `out`. */
-export function changeColours(drawn: Float32Array, captured: Uint8Array, changes: Float32Array, out: Float32Array): void {
-  for (let at = 0; at < drawn.length; at += 3) {
-    const lit = drawn[at]! + drawn[at + 1]! + drawn[at + 2]!;
-    const plain = (captured[at]! + captured[at + 1]! + captured[at + 2]!) / 255;
-    const gain = Math.min(lit / Math.max(plain, 3 * DARK), MOST_GAIN);
-    for (let c = at; c < at + 3; c++) out[c] = Math.max(0, Math.min(drawn[c]! + gain * changes[c]!, 1));
-  }
-}
-
 /** Pack red, green and blue of each splat's change, -1 to 1. */
 export function packChanges(changes: Float32Array): Uint32Array<ArrayBuffer> {
   const packed = new Uint32Array(changes.length / 3);

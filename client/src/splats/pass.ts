@@ -81,9 +81,9 @@ export class SplatPass {
   private size = { width: 0, height: 0 };
 
   /** Throws where the browser has no WebGL2. `xrCompatible`: a headset is to show what is drawn. */
-  constructor(canvas: HTMLCanvasElement, xrCompatible = false) {
+  constructor(canvas: HTMLCanvasElement | OffscreenCanvas, xrCompatible = false) {
     const attributes = { alpha: false, antialias: false, depth: false, xrCompatible };
-    const gl = canvas.getContext("webgl2", attributes) as WebGL2RenderingContext | null;
+    const gl = (canvas as HTMLCanvasElement).getContext("webgl2", attributes) as WebGL2RenderingContext | null;
     if (!gl) throw new Error("drawing takes WebGL2; this browser has none");
     this.gl = gl;
     this.programs = splatPrograms(gl, false);
@@ -187,15 +187,19 @@ export class SplatPass {
   drawEyes(people: PassPeople, eyes: readonly Eye[]): void {
     this.upload(people);
     for (const eye of eyes) {
-      this.resize(eye.camera);
-      const laid = this.laid.seenBy(eye.camera, people.transforms);
-      this.projectSplats(people, eye.camera, laid);
-      this.drawSplats(people, eye.camera, laid);
+      this.drawPeople(people, eye.camera);
       this.room.draw(this.picture, people.shadows, eye);
     }
   }
 
-  /** What the canvas shows, RGBA bytes, the top row first; also waits until everything is drawn. */
+  /** Draw people alone, and read them: premultiplied RGBA bytes, the top row first. */
+  readPeople(people: PassPeople, camera: PassCamera): Uint8Array {
+    this.upload(people);
+    this.drawPeople(people, camera);
+    return this.read();
+  }
+
+  /** What was drawn last, RGBA bytes, the top row first; also waits until everything is drawn. */
   read(rows = this.size.height): Uint8Array {
     const { gl, size } = this;
     const bytes = new Uint8Array(4 * size.width * rows);
@@ -211,6 +215,14 @@ export class SplatPass {
   /** Give the card's memory back. */
   close(): void {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
+  }
+
+  /** Draw people into their picture, whose framebuffer stays bound. */
+  private drawPeople(people: PassPeople, camera: PassCamera): void {
+    this.resize(camera);
+    const laid = this.laid.seenBy(camera, people.transforms);
+    this.projectSplats(people, camera, laid);
+    this.drawSplats(people, camera, laid);
   }
 
   private upload({ transforms, offsets, order }: PassPeople): void {

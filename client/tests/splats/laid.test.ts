@@ -1,6 +1,5 @@
 import { describe, expect, it } from "vitest";
 import { PICTURE_PX } from "../../src/look/cutOut";
-import { changeColours } from "../../src/splats/changes";
 import {
   CHEST,
   LAID_FULL_RAD,
@@ -104,14 +103,5 @@ describe("placeTakenToOrigin", () => {
     const place = placeTakenToOrigin(transforms, at + TRANSFORM * CHEST);
     transformed(transforms, at + TRANSFORM * CHEST, place).forEach((value) => expect(value).toBeCloseTo(0, 6));
     expect(place[1]).toBeCloseTo(0.2, 6);
-  });
-});
-
-describe("changeColours", () => {
-  it("adds a change as much brighter as the light makes the splat, at most twice, within what there is", () => {
-    const out = new Float32Array(9);
-    const drawn = Float32Array.of(0.6, 0.6, 0.6, 0.6, 0.6, 0.6, 0.4, 0.4, 0.4);
-    changeColours(drawn, Uint8Array.of(102, 102, 102, 51, 51, 51, 102, 102, 102), Float32Array.of(0.1, -0.1, 0, 0.1, 0.1, 0.3, 1, -1, 0), out);
-    [0.75, 0.45, 0.6, 0.8, 0.8, 1, 1, 0, 0.4].forEach((value, at) => expect(out[at]).toBeCloseTo(value, 5));
   });
 });

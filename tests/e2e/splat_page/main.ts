@@ -13,6 +13,7 @@ import { forwardKinematics, TRANSFORM } from "../../../client/src/splats/skeleto
 import { depthOrder, depthRows, depths, allocateOrder, displaced } from "../../../client/src/splats/sort";
 import { decodeLook } from "../../../client/src/recolouring/packets";
 import { LiveColours } from "../../../client/src/recolouring/liveColours";
+import { WebcamView } from "../../../client/src/recolouring/webcamView";
 import { cutOutPicture, finePicture } from "../../../client/src/recolouring/pictureReader";
 import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
 import type { Light } from "../../../client/src/api/types";
@@ -67,6 +68,7 @@ const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => 
 const base64 = (data: Uint8Array): string => btoa(Array.from(data, (byte) => String.fromCharCode(byte)).join(""));
 const canvas = document.querySelector("canvas") as HTMLCanvasElement;
 const pass = new SplatPass(canvas);
+const webcamView = new WebcamView(new OffscreenCanvas(1, 1));
 
 function frameOf(asked: Asked): PassFrame {
   const files = asked.files.map(bytes);
@@ -148,7 +150,7 @@ Object.assign(window, {
       if (told?.kind !== "pose" || fine === undefined) throw new Error("a pose and a fine picture were expected");
       colours.see(cutOutPicture(new Uint8ClampedArray(bytes(picture)), side), told.pose, told.lens);
       const changes = colours.changesAt(told.pose.captureTimeMs / 1000);
-      const laid = colours.laidPicture(finePicture(new Uint8ClampedArray(bytes(fine)), 2 * side));
+      const laid = colours.laidPicture(finePicture(new Uint8ClampedArray(bytes(fine)), 2 * side), webcamView);
       const packed = (numbers: Uint32Array): string => base64(new Uint8Array(numbers.buffer));
       const { webcam, focalPx } = laid;
       return { changes: packed(changes), detail: packed(laid.detail), places: packed(laid.places), webcam, focalPx };
