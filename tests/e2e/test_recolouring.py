@@ -283,8 +283,11 @@ def test_a_picture_is_laid_on_its_own_person(page: Page):
     assert np.quantile(change[others], 0.98) <= 3
 
 
-def test_the_page_lays_on_what_a_webcam_sees(page: Page):
-    """Of a person in striped light, for which live colours are too coarse and pictures are not."""
+@pytest.mark.parametrize(("strength", "gained_db"), [(0.3, 6.0), (0.1, 6.0), (0.0, 3.0)])
+def test_the_page_lays_on_what_a_webcam_sees(page: Page, strength: float, gained_db: float):
+    """Of a person in striped light, for which live colours are too coarse and pictures are not; one
+    who looks as they were filmed looks no worse: measured are 17, 26 and 41 dB, and 26, 35 and 47.
+    """
     model = demo_model()
     data = encode(model)
     webcam = Webcam(decode(data, model), model)
@@ -292,7 +295,7 @@ def test_the_page_lays_on_what_a_webcam_sees(page: Page):
     for number in range(4):
         pose = webcam.pose(number, 0.0)
         fine = webcam.fine_picture(pose)
-        striped = np.minimum(fine.rgb * stripes(0.3), 255.0).astype(np.uint8)
+        striped = np.minimum(fine.rgb * stripes(strength), 255.0).astype(np.uint8)
         fine = replace(fine, rgb=striped)
         seen.append(told(fine.resized(0.5), pose, model) | {"fine": stacked(fine)})
     found = page.evaluate(
@@ -303,12 +306,11 @@ def test_the_page_lays_on_what_a_webcam_sees(page: Page):
     what = asked(room_of(model, 1), picture.camera, NOW_S) | {"poses": [base64_of(packet)]}
     on = {"laid": [{"index": 0, **unpacked_picture(last)}]}
     inside = picture.known() > 0.0
-    plain, coloured, whole = (
-        psnr(drawn(page, what | more)[inside], picture.rgb[inside])
-        for more in ({}, {"changes": last["changes"]}, {"changes": last["changes"]} | on)
+    coloured = what | {"changes": last["changes"]}
+    without, whole = (
+        psnr(drawn(page, shown)[inside], picture.rgb[inside]) for shown in (coloured, coloured | on)
     )
-    assert coloured > plain - 1.0
-    assert whole > coloured + 6.0
+    assert whole > without + gained_db
 
 
 def unpacked_picture(told: dict[str, Any]) -> dict[str, object]:
