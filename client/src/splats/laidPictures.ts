@@ -37,13 +37,13 @@ export class LaidPictures {
   set(pictures: readonly (LaidPicture | null)[]): void {
     this.pictures = pictures;
     this.layers = pictures.flatMap((one, person) => (one && person < MAX_PEOPLE ? [person] : [])).slice(0, MOST_LAID);
-    if (this.layers.length === 0) return;
+    if (this.layers.length === 0) return this.release();
     this.textures ??= this.makeTextures();
     this.uploadPlaces(this.textures.places);
     this.uploadDetail(this.textures.detail);
   }
 
-  /** Whether any is laid on in this view of people whose joints are at `transforms`; to be asked before `use`. */
+  /** Whether any is laid on in this view of people whose joints are at `transforms`; to be asked before `usePlaces`. */
   seenBy(camera: PassCamera, transforms: Float32Array): boolean {
     const { layers, numbers, people, pictures } = this;
     if (layers.length === 0) return false;
@@ -79,6 +79,15 @@ export class LaidPictures {
     gl.uniform1i(at("detail"), DETAIL_UNIT);
   }
 
+  /** Keep nobody's picture. */
+  private release(): void {
+    const { gl, textures } = this;
+    this.uploaded.length = 0;
+    if (!textures) return;
+    for (const one of [textures.places, textures.detail]) gl.deleteTexture(one);
+    this.textures = null;
+  }
+
   private makeTextures() {
     const { gl } = this;
     gl.activeTexture(gl.TEXTURE0 + PLACES_UNIT);
@@ -112,6 +121,7 @@ export class LaidPictures {
     const { gl, pictures, uploaded } = this;
     gl.activeTexture(gl.TEXTURE0 + DETAIL_UNIT);
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, into);
+    uploaded.length = this.layers.length;
     this.layers.forEach((person, layer) => {
       const picture = pictures[person];
       if (!picture || uploaded[layer] === picture) return;
