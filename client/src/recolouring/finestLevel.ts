@@ -4,6 +4,9 @@ import type { SplatFile } from "../splats/file";
 import { NEVER } from "../splats/levels";
 import type { MovedSplats } from "../splats/moved";
 
+/** A smaller share is none. */
+const LEAST_SHARE = 1e-6;
+
 /** The finest level of `file` by itself, and where in the file each of its splats is. */
 export function finestLevel(file: SplatFile): { splats: SplatFile; places: Uint32Array } {
   const { levels } = file;
@@ -41,6 +44,24 @@ export function ofAllLevels({ levels, count }: SplatFile, places: Uint32Array, r
     const first = 3 * (levels.fewest + 2 * split);
     const to = 3 * replaced[split]!;
     for (let c = 0; c < 3; c++) all[to + c] = 0.5 * (all[first + c]! + all[first + 3 + c]!);
+  }
+  return all;
+}
+
+/** Place (x and y) and share of each of the finest splats -> of the splats of all levels; places weigh by their share. */
+export function placesOfAllLevels(file: SplatFile, places: Uint32Array, laid: Float32Array): Float32Array {
+  const weighed = new Float32Array(laid.length);
+  for (let at = 0; at < laid.length; at += 3) {
+    const share = laid[at + 2]!;
+    weighed[at] = share * laid[at]!;
+    weighed[at + 1] = share * laid[at + 1]!;
+    weighed[at + 2] = share;
+  }
+  const all = ofAllLevels(file, places, weighed);
+  for (let at = 0; at < all.length; at += 3) {
+    const share = Math.max(all[at + 2]!, LEAST_SHARE);
+    all[at]! /= share;
+    all[at + 1]! /= share;
   }
   return all;
 }

@@ -47,6 +47,27 @@ export class Footprints {
     this.starts[count] = end;
   }
 
+  /** Draw the splats in these colours, as premultiplied RGBA. */
+  draw(colours: Float32Array, into: Float32Array): void {
+    const { starts, order, pixels, through, weights } = this;
+    for (let pixel = 0; pixel < through.length; pixel++) {
+      into[4 * pixel] = into[4 * pixel + 1] = into[4 * pixel + 2] = 0;
+      into[4 * pixel + 3] = 1 - through[pixel]!;
+    }
+    for (let n = 0; n < this.count; n++) {
+      const i = 3 * order[n]!;
+      const [red, green, blue] = [colours[i]!, colours[i + 1]!, colours[i + 2]!];
+      const end = starts[n + 1]!;
+      for (let at = starts[n]!; at < end; at++) {
+        const pixel = 4 * pixels[at]!;
+        const weight = weights[at]!;
+        into[pixel]! += weight * red;
+        into[pixel + 1]! += weight * green;
+        into[pixel + 2]! += weight * blue;
+      }
+    }
+  }
+
   /** Blend splat `i`, whose footprint begins at `end`; returns where it ends. */
   private blend(splats: ProjectedSplats, i: number, end: number): number {
     const { side, through } = this;

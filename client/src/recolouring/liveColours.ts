@@ -5,13 +5,16 @@
 
 import { packChanges } from "../splats/changes";
 import type { SplatFile } from "../splats/file";
-import { depthOrder } from "../splats/sort";
+import { packDetail, packPlaces, type LaidPicture } from "../splats/laid";
+import { allocateOrder, depthOrder } from "../splats/sort";
 import type { PosePacket } from "../transport/packets";
-import { finestLevel, ofAllLevels } from "./finestLevel";
+import { Detail, type FinePicture } from "./detail";
+import { finestLevel, ofAllLevels, placesOfAllLevels } from "./finestLevel";
 import { Footprints } from "./footprints";
 import { hiddenByBody, hiddenByLimbs, limbSplats } from "./hidden";
 import { nearest } from "./neighbours";
 import { ProjectedSplats, type Lens } from "./projected";
+import type { DrawsPosed } from "./webcamView";
 
 /** Steps of colours a picture; what is left is made up for in the next ones. */
 const STEPS = 2;
@@ -34,6 +37,8 @@ const HELD_S = 1.5;
 const GONE_S = 1;
 const COMES_S = 0.1;
 const EXPOSURE_S = 1;
+/** A picture that is laid on is so many times as large as the one that colours are found in. */
+const FINER = 2;
 const EXPOSURE_RANGE = [0.7, 1.4] as const;
 
 /** A person's picture: RGB of each pixel and how well it is known, each 0 to 1; black where it is not. */
@@ -51,13 +56,20 @@ export class LiveColours {
   private readonly change: Float32Array;
   /** How much of its live colour each splat shows. */
   private readonly share: Float32Array;
+  /** How well each splat is seen in the newest picture. */
+  private readonly laidShare: Float32Array;
   private readonly seenS: Float64Array;
   private readonly exposure = [1, 1, 1];
   /** What each splat lacks in its pixels, summed, and the weight of those that are known and of all. */
   private readonly lacking: Float32Array;
   private readonly knownPx: Float32Array;
   private readonly shownPx: Float32Array;
+  private readonly colours: Float32Array;
   private readonly pixels: Float32Array;
+  /** What was added to the colours last. */
+  private readonly shown: Float32Array;
+  private readonly detail: Detail;
+  private lens: Lens = [1, 1, 0, 0];
   private readonly order: Uint32Array;
   private timeS: number | null = null;
 
@@ -79,17 +91,22 @@ export class LiveColours {
     this.near = nearest(person.positions, Math.min(NEIGHBOURS, count));
     this.change = new Float32Array(3 * count);
     this.share = new Float32Array(count);
+    this.laidShare = new Float32Array(count);
     this.seenS = new Float64Array(count).fill(-Infinity);
     this.lacking = new Float32Array(3 * count);
     this.knownPx = new Float32Array(count);
     this.shownPx = new Float32Array(count);
+    this.colours = new Float32Array(3 * count);
     this.pixels = new Float32Array(4 * side * side);
+    this.shown = new Float32Array(3 * count);
+    this.detail = new Detail(FINER * side);
     this.order = new Uint32Array(count);
   }
 
   /** Take the colours of a picture, which shows them in `pose`; its capture time is the picture's moment. */
   see(picture: CutOutPicture, pose: PosePacket, lens: Lens): void {
     const { splats, footprints, change, side } = this;
+    this.lens = lens;
     splats.place(pose, lens, side);
     footprints.fill(splats, this.order, depthOrder(splats.depth, this.order));
     const through = hiddenByBody(splats, this.limbs, side);
@@ -110,10 +127,9 @@ export class LiveColours {
 
   /** What is added to the captured colour of each splat of the file at `timeS`, as the card takes it. */
   changesAt(timeS: number): Uint32Array<ArrayBuffer> {
-    const { change, exposure, near, person, seenS } = this;
+    const { change, exposure, near, person, seenS, shown } = this;
     const many = near.length / Math.max(1, person.count);
     const share = this.share.map((one, i) => one * held(timeS - seenS[i]!));
-    const shown = new Float32Array(change.length);
     const otherwise = exposure.map((one) => (LITTLE * (one - 1)) / 255);
     for (let i = 0; i < person.count; i++) {
       const own = share[i]!;
@@ -137,27 +153,37 @@ export class LiveColours {
     return packChanges(ofAllLevels(this.file, this.places, shown));
   }
 
+  /**
+   * What the picture that was seen last shows, in all its pixels, beyond the colours that `changesAt` told last; `view`
+   * draws what they come to.
+   */
+  laidPicture(picture: FinePicture, view: DrawsPosed): LaidPicture {
+    const { footprints, laidShare, person, share, shown, splats } = this;
+    const [fx, fy, cx, cy] = this.lens;
+    const lens = [FINER * fx, FINER * fy, FINER * cx, FINER * cy] as const;
+    const { count, order: sorted } = footprints;
+    const order = allocateOrder(person.count);
+    order.set(sorted.subarray(0, count));
+    const { transforms } = splats;
+    const posed = { person, transforms, offsets: splats.offsets.slice(), order, count, changes: packChanges(shown) };
+    const detail = packDetail(this.detail.of(picture, view.draw(posed, lens, picture.side)));
+    const places = new Float32Array(3 * person.count);
+    for (let i = 0; i < person.count; i++) {
+      places[3 * i] = FINER * splats.x[i]!;
+      places[3 * i + 1] = FINER * splats.y[i]!;
+      places[3 * i + 2] = Math.min(laidShare[i]!, share[i]!);
+    }
+    const all = placesOfAllLevels(this.file, this.places, places);
+    return { detail, places: packPlaces(all), webcam: splats.webcam, focalPx: lens[0] };
+  }
+
   /** What each pixel lacks beside what the splats, in their present colours, come to. */
   private findLacking({ rgb, known }: CutOutPicture): void {
-    const { change, footprints, pixels, splats } = this;
-    const { starts, order, pixels: where, weights, through } = footprints;
-    pixels.fill(0);
-    for (let n = 0; n < footprints.count; n++) {
-      const i = 3 * order[n]!;
-      const red = splats.colours[i]! + change[i]!;
-      const green = splats.colours[i + 1]! + change[i + 1]!;
-      const blue = splats.colours[i + 2]! + change[i + 2]!;
-      const end = starts[n + 1]!;
-      for (let at = starts[n]!; at < end; at++) {
-        const pixel = 4 * where[at]!;
-        const weight = weights[at]!;
-        pixels[pixel]! += weight * red;
-        pixels[pixel + 1]! += weight * green;
-        pixels[pixel + 2]! += weight * blue;
-      }
-    }
-    for (let pixel = 0; pixel < through.length; pixel++) {
-      const covered = 1 - through[pixel]!;
+    const { change, colours, footprints, pixels, splats } = this;
+    for (let at = 0; at < change.length; at++) colours[at] = splats.colours[at]! + change[at]!;
+    footprints.draw(colours, pixels);
+    for (let pixel = 0; pixel < known.length; pixel++) {
+      const covered = pixels[4 * pixel + 3]!;
       const sure = known[pixel]! * covered;
       for (let c = 0; c < 3; c++) {
         const at = 4 * pixel + c;
@@ -210,8 +236,9 @@ export class LiveColours {
 
   /** Note what was seen at `timeS`, and how bright the picture is beside the model. */
   private follow(timeS: number): void {
-    const { share, seenS } = this;
+    const { laidShare, share, seenS } = this;
     const stepS = this.timeS === null ? COMES_S : Math.max(timeS - this.timeS, 0);
+    const most = stepS / COMES_S;
     this.timeS = timeS;
     const shown = this.shownOf();
     const some = shown.filter((one) => one > 0).sort();
@@ -220,9 +247,11 @@ export class LiveColours {
     let count = 0;
     shown.forEach((one, i) => {
       const wanted = Math.min(one / (SEEN * openPx), 1);
+      laidShare[i]! += Math.max(-most, Math.min(wanted - laidShare[i]!, most));
+      if (one === 0) laidShare[i] = 0;
       const seen = wanted > HARDLY;
       if (!seen && held(timeS - seenS[i]!) <= 0) share[i] = 0;
-      share[i]! += Math.min(Math.max(wanted - share[i]!, 0), stepS / COMES_S);
+      share[i]! += Math.min(Math.max(wanted - share[i]!, 0), most);
       if (!seen) return;
       seenS[i] = timeS;
       count += 1;

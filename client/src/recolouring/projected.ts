@@ -6,9 +6,11 @@
 
 import type { SplatFile } from "../splats/file";
 import { allocateOffsets, moveSplats } from "../splats/moved";
-import { forwardKinematics, TRANSFORM } from "../splats/skeleton";
+import { CHEST } from "../splats/laid";
+import { forwardKinematics, placeTakenToOrigin, TRANSFORM } from "../splats/skeleton";
 import { NEAR_M } from "../splats/sort";
 import type { PosePacket } from "../transport/packets";
+import type { Vec3 } from "../viewpoint/geometry";
 import { ClipLight } from "./clipLight";
 
 /** Variance of a pixel's box filter, px^2. */
@@ -31,8 +33,9 @@ export class ProjectedSplats {
   readonly depth: Float32Array;
   /** sRGB in the light of their clip, 0 to 1. */
   readonly colours: Float32Array;
-  private readonly transforms: Float32Array;
-  private readonly offsets: Float32Array;
+  /** A transform a joint, and how far faces and hands move their splats, see `moveSplats`. */
+  readonly transforms: Float32Array;
+  readonly offsets: Float32Array;
   private readonly positions: Float32Array;
   private readonly light: ClipLight;
   private readonly blended = new Float32Array(TRANSFORM);
@@ -63,6 +66,11 @@ export class ProjectedSplats {
       this.light.shade(i, blended, this.positions);
       this.placeOne(i, lens, side);
     }
+  }
+
+  /** Where the webcam is as the chest sees it: at rest, m. */
+  get webcam(): Vec3 {
+    return placeTakenToOrigin(this.transforms, TRANSFORM * CHEST);
   }
 
   private express(expression: ArrayLike<number>): void {

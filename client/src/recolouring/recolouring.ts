@@ -1,6 +1,7 @@
 /** How people with live look look now, in a room that this device draws: shown with each picture, gone at its end. */
 
 import type { SplatFile } from "../splats/file";
+import type { LaidPicture } from "../splats/laid";
 import { decodeLook, type LookFrame, type LookPose } from "./packets";
 import type { LookTask, Recoloured } from "./worker";
 
@@ -14,16 +15,20 @@ const USUAL_SHARE = 0.1;
 export interface RecolouredRoom {
   /** Everybody's splats, one person after the other. */
   readonly people: readonly SplatFile[];
+  /** Whether it takes pictures to lay on people. */
+  readonly lays: boolean;
   /** The place of whom the server means by `check`; -1: nobody of that is drawn. */
   indexOf(check: number): number;
-  setChanges(changes: Uint32Array): void;
+  /** `laid`: of each person; null: nothing is laid on them. */
+  setChanges(changes: Uint32Array, laid: readonly (LaidPicture | null)[]): void;
 }
 
 /** One person with live look. */
 interface Shown {
   splats: SplatFile;
   version: number;
-  changes: Uint32Array | null;
+  /** What their newest picture changes, and the picture as it is laid on them. */
+  seen: Pick<Recoloured, "changes" | "laid"> | null;
   heardMs: number;
   /** How long ago the shown moment came by the channel of poses, ms. */
   behindMs: number | null;
@@ -79,15 +84,15 @@ export class Recolouring {
   private receive(packet: LookFrame | LookPose, nowMs: number): void {
     const room = this.room();
     const splats = room?.people[room.indexOf(packet.check)];
-    if (!splats) return;
+    if (!room || !splats) return;
     const one = this.shown.get(packet.check);
     if (!one || one.splats !== splats) {
       this.versions += 1;
       const version = this.versions;
-      this.shown.set(packet.check, { splats, version, changes: null, heardMs: nowMs, behindMs: one?.behindMs ?? null });
+      this.shown.set(packet.check, { splats, version, seen: null, heardMs: nowMs, behindMs: one?.behindMs ?? null });
       this.tell({ person: packet.check, splats, version });
     } else one.heardMs = nowMs;
-    this.tell({ person: packet.check, packet });
+    this.tell({ person: packet.check, packet, lays: room.lays });
   }
 
   private end(check: number): void {
@@ -95,7 +100,7 @@ export class Recolouring {
     if (!one) return;
     this.shown.delete(check);
     this.tell({ person: check, ended: true });
-    if (one.changes) this.show();
+    if (one.seen) this.show();
   }
 
   private tell(task: LookTask): void {
@@ -109,10 +114,10 @@ export class Recolouring {
     return worker;
   }
 
-  private onRecoloured({ person, version, changes, momentMs }: Recoloured, nowMs: number): void {
+  private onRecoloured({ person, version, changes, laid, momentMs }: Recoloured, nowMs: number): void {
     const one = this.shown.get(person);
     if (one?.version !== version || changes.length !== one.splats.count) return; // ended, or drawn by others, meanwhile
-    one.changes = changes;
+    one.seen = { changes, laid };
     if (this.poseDelayMs !== null) {
       const late = Math.max(0, Math.min(nowMs - momentMs - this.poseDelayMs, MOST_BEHIND_MS));
       one.behindMs = one.behindMs === null ? late : one.behindMs + USUAL_SHARE * (late - one.behindMs);
@@ -120,16 +125,18 @@ export class Recolouring {
     this.show();
   }
 
-  /** Hand everybody's changes to the card. */
+  /** Hand everybody's changes, and what is laid on them, to the card. */
   private show(): void {
     const room = this.room();
     if (!room) return;
     const all = new Uint32Array(room.people.reduce((sum, { count }) => sum + count, 0));
-    for (const [check, { splats, changes }] of this.shown) {
+    const laid = room.people.map((): LaidPicture | null => null);
+    for (const [check, { splats, seen }] of this.shown) {
       const index = room.indexOf(check);
-      if (!changes || room.people[index] !== splats) continue;
-      all.set(changes, room.people.slice(0, index).reduce((sum, { count }) => sum + count, 0));
+      if (!seen || room.people[index] !== splats) continue;
+      laid[index] = seen.laid;
+      all.set(seen.changes, room.people.slice(0, index).reduce((sum, { count }) => sum + count, 0));
     }
-    room.setChanges(all);
+    room.setChanges(all, laid);
   }
 }

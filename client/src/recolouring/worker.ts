@@ -2,31 +2,35 @@
 
 import { PICTURE_PX } from "../look/cutOut";
 import type { SplatFile } from "../splats/file";
+import type { LaidPicture } from "../splats/laid";
 import { LiveColours } from "./liveColours";
 import { LookDecoder, MOST_WAITING } from "./lookDecoder";
 import type { LookFrame, LookPose } from "./packets";
-import { PictureReader } from "./pictureReader";
+import { PictureReader, SIDE } from "./pictureReader";
+import { WebcamView } from "./webcamView";
 
-/** What the page tells of a person: their splats, what comes of them, or that nothing comes any more. */
+/** What the page tells of a person: their splats, what comes of them and whether it lays pictures, or that they end. */
 export type LookTask = { person: number } & (
   | { splats: SplatFile; version: number }
-  | { packet: LookFrame | LookPose }
+  | { packet: LookFrame | LookPose; lays: boolean }
   | { ended: true }
 );
-/** A person's changes (`packChanges`) by their picture of `momentMs`, by the clock of the poses. */
+/** A person's changes (`packChanges`), and their picture, of `momentMs` by the clock of the poses. */
 export interface Recoloured {
   person: number;
   version: number;
   changes: Uint32Array<ArrayBuffer>;
+  /** null: the page lays none. */
+  laid: LaidPicture | null;
   momentMs: number;
 }
 
-/** Pictures are made so large, px: half of what is sent, for a quarter of the work. */
-const SIDE = PICTURE_PX / 2;
 /** Share of a processor that this may take: drawing comes first where there are few. */
 const SHARE = navigator.hardwareConcurrency > 4 ? 0.7 : 0.25;
 
-const reader = new PictureReader(SIDE);
+const reader = new PictureReader();
+/** Made for the first picture that is laid; null: this browser can't draw in a worker. */
+let view: WebcamView | null | undefined;
 const people = new Map<number, Person>();
 let timer: ReturnType<typeof setTimeout> | null = null;
 let restedMs = 0;
@@ -34,6 +38,7 @@ let restedMs = 0;
 class Person {
   workedMs = -Infinity;
   private version = 0;
+  private lays = false;
   private readonly decoder = new LookDecoder(schedule);
   private splats: SplatFile | null = null;
   private colours: LiveColours | null = null;
@@ -58,7 +63,8 @@ class Person {
     return true;
   }
 
-  receive(packet: LookFrame | LookPose): void {
+  receive(packet: LookFrame | LookPose, lays: boolean): void {
+    this.lays = lays;
     if (packet.kind === "frame") this.decoder.decode(packet);
     else this.poses = [...this.poses.slice(1 - MOST_WAITING), packet];
   }
@@ -70,17 +76,28 @@ class Person {
     if (!colours || !newest || !frame) return null;
     const { number, pose, lens } = newest;
     this.poses = this.poses.filter((one) => one.number > number);
-    const picture = reader.read(frame);
+    const { picture, fine } = reader.read(frame);
     frame.close();
     const scale = SIDE / PICTURE_PX;
     colours.see(picture, pose, [lens[0] * scale, lens[1] * scale, lens[2] * scale, lens[3] * scale]);
-    return { version, changes: colours.changesAt(pose.captureTimeMs / 1000), momentMs: pose.captureTimeMs };
+    const changes = colours.changesAt(pose.captureTimeMs / 1000);
+    if (this.lays && view === undefined) view = makeView();
+    const laid = this.lays && view ? colours.laidPicture(fine(), view) : null;
+    return { version, changes, laid, momentMs: pose.captureTimeMs };
   }
 
   end(): void {
     this.decoder.close();
     this.poses = [];
     this.colours = null;
+  }
+}
+
+function makeView(): WebcamView | null {
+  try {
+    return new WebcamView(new OffscreenCanvas(1, 1));
+  } catch {
+    return null;
   }
 }
 
@@ -97,7 +114,7 @@ function work(): void {
     const startMs = performance.now();
     const found = one.work();
     if (!found) continue;
-    postMessage({ person, ...found } satisfies Recoloured, { transfer: [found.changes.buffer] });
+    postMessage({ person, ...found } satisfies Recoloured, { transfer: buffersOf(found) });
     one.workedMs = performance.now();
     restedMs = one.workedMs + (one.workedMs - startMs) * (1 / SHARE - 1);
     schedule();
@@ -105,11 +122,15 @@ function work(): void {
   }
 }
 
+function buffersOf({ changes, laid }: Pick<Recoloured, "changes" | "laid">): ArrayBuffer[] {
+  return [changes.buffer, ...(laid ? [laid.detail.buffer, laid.places.buffer] : [])];
+}
+
 addEventListener("message", ({ data }: MessageEvent<LookTask>) => {
   const one = people.get(data.person) ?? new Person();
   people.set(data.person, one);
   if ("splats" in data) one.setSplats(data.splats, data.version);
-  else if ("packet" in data) one.receive(data.packet);
+  else if ("packet" in data) one.receive(data.packet, data.lays);
   else one.end();
   schedule();
 });

@@ -6,6 +6,7 @@ import type { Performer } from "../api/types";
 import type { CameraPose } from "../viewpoint/viewpoint";
 import { packSplats, shareWithin, type PackedSplats } from "./packed";
 import { DrawTimer } from "./drawTimer";
+import type { LaidPicture } from "./laid";
 import { growths, readSplats, type SplatFile } from "./file";
 import { finest } from "./levels";
 import { allocateOffsets, moveSplats } from "./moved";
@@ -34,6 +35,8 @@ export class LocalRoom {
   onUnknownPerformers: () => void = () => undefined;
   /** A picture of the page took so long, ms; told a moment after it was drawn. */
   onFinished: (tookMs: number) => void = () => undefined;
+  /** Pictures may be laid on people: it draws quickly enough. */
+  lays = true;
   /** Why this device can't draw the room, in words for its viewer; null where it can or may yet. */
   obstacle: string | null = null;
 
@@ -217,9 +220,9 @@ export class LocalRoom {
     return this.performers.findIndex(({ id }) => performerCheck(id) === check);
   }
 
-  /** What live look changes of the colours of everybody's splats from now on, see `packChanges`. */
-  setChanges(changes: Uint32Array): void {
-    this.pass?.setChanges(changes);
+  /** What live look changes of everybody's splats from now on, see `SplatPass.setChanges`. */
+  setChanges(changes: Uint32Array, laid: readonly (LaidPicture | null)[]): void {
+    this.pass?.setChanges(changes, laid);
     this.drawnKey = "";
   }
 

@@ -5,6 +5,7 @@ import type { CameraPose } from "../viewpoint/viewpoint";
 import { SplatBudget, SplatShares, type Step } from "./budget";
 import type { LocalRoom } from "./localRoom";
 import { passCamera } from "./camera";
+import { LayingPace } from "./layingPace";
 import { ENOUGH_FPS } from "./renderMode";
 
 /** Splats of all people together. */
@@ -23,14 +24,18 @@ export function stepsFor(total: number): readonly Step[] {
 export class PacedRoom {
   private budget: SplatBudget<Step> | null = null;
   private readonly shares = new SplatShares();
+  private readonly layingPace = new LayingPace(PACE_MS);
 
   /** `onFinished`: a picture is finished. */
   constructor(
     private readonly room: LocalRoom,
     onFinished: () => void = () => undefined,
   ) {
+    room.lays = this.layingPace.lays;
     room.onFinished = (tookMs) => {
       if (this.shares.settled) this.budget?.observe(tookMs);
+      this.layingPace.observe(tookMs);
+      room.lays = this.layingPace.lays;
       onFinished();
     };
   }

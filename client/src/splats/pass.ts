@@ -11,10 +11,13 @@ import { SPLAT_NUMBERS, type PackedSplats } from "./packed";
 import { passCamera, type Eye, type PassCamera } from "./camera";
 import { Lights } from "./lights";
 import { allocateOffsets, MOVED_COLUMNS } from "./moved";
-import { program, setCamera, texture, uniformsOf, type Uniforms } from "./program";
+import type { LaidPicture } from "./laid";
+import { LaidPictures } from "./laidPictures";
+import { setCamera, texture } from "./program";
 import { TRANSFORM } from "./skeleton";
 import { allocateOrder, ORDER_COLUMNS } from "./sort";
-import { FULLSCREEN_VERTEX, MAX_PEOPLE, PROJECT_FRAGMENT, SPLAT_FRAGMENT, SPLAT_VERTEX, TABLE_COLUMNS } from "./shaders";
+import { MAX_PEOPLE, TABLE_COLUMNS } from "./shaders";
+import { splatPrograms, type SplatPrograms } from "./splatPrograms";
 import type { LoadedEnvironment, ScreenPlace, Shadow } from "./room";
 import { RoomPass } from "./roomPass";
 
@@ -55,10 +58,9 @@ const WARM_UP_PX = 16;
 
 export class SplatPass {
   readonly gl: WebGL2RenderingContext;
-  private readonly projectProgram: WebGLProgram;
-  private readonly splatProgram: WebGLProgram;
-  private readonly projectUniforms: Uniforms;
-  private readonly splatUniforms: Uniforms;
+  private readonly programs: SplatPrograms;
+  /** Made for the first picture that is laid on somebody: few meetings have one. */
+  private layingPrograms: SplatPrograms | null = null;
   private readonly emptyVertexArray: WebGLVertexArrayObject;
   private readonly order: WebGLTexture;
   private readonly table: WebGLTexture;
@@ -73,20 +75,19 @@ export class SplatPass {
   private readonly target: WebGLFramebuffer;
   private readonly room: RoomPass;
   private readonly lights = new Lights();
+  private readonly laid: LaidPictures;
   private uploadedOrder: Uint32Array | null = null;
   private uploadedOffsets: Float32Array | null = null;
   private size = { width: 0, height: 0 };
 
   /** Throws where the browser has no WebGL2. `xrCompatible`: a headset is to show what is drawn. */
-  constructor(canvas: HTMLCanvasElement, xrCompatible = false) {
+  constructor(canvas: HTMLCanvasElement | OffscreenCanvas, xrCompatible = false) {
     const attributes = { alpha: false, antialias: false, depth: false, xrCompatible };
-    const gl = canvas.getContext("webgl2", attributes) as WebGL2RenderingContext | null;
+    const gl = (canvas as HTMLCanvasElement).getContext("webgl2", attributes) as WebGL2RenderingContext | null;
     if (!gl) throw new Error("drawing takes WebGL2; this browser has none");
     this.gl = gl;
-    this.projectProgram = program(gl, FULLSCREEN_VERTEX, PROJECT_FRAGMENT);
-    this.splatProgram = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
-    this.projectUniforms = uniformsOf(gl, this.projectProgram);
-    this.splatUniforms = uniformsOf(gl, this.splatProgram);
+    this.programs = splatPrograms(gl, false);
+    this.laid = new LaidPictures(gl);
     this.table = texture(gl);
     this.transforms = texture(gl);
     this.offsets = texture(gl);
@@ -130,15 +131,20 @@ export class SplatPass {
     gl.texImage2D(
       gl.TEXTURE_2D, 0, gl.RGBA32UI, 4 * TABLE_COLUMNS, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, padded,
     );
+    this.laid.setPeople(cast.people);
     this.setChanges(new Uint32Array(cast.count));
     this.allocateProjected(cast.count);
     this.uploadedOrder = null;
     this.lights.setClipLights(cast.people.map(({ light }) => light));
   }
 
-  /** What live look changes of each splat's colours from now on, see `packChanges`; nil: nothing. */
-  setChanges(changes: Uint32Array): void {
+  /**
+   * What live look changes of each splat's colours from now on, see `packChanges`; nil: nothing. `laid`: the picture
+   * that is laid on each person; null: none.
+   */
+  setChanges(changes: Uint32Array, laid: readonly (LaidPicture | null)[] = []): void {
     const { gl } = this;
+    this.laid.set(laid);
     const rows = Math.max(1, Math.ceil(changes.length / TABLE_COLUMNS));
     const padded = new Uint32Array(rows * TABLE_COLUMNS);
     padded.set(changes);
@@ -181,14 +187,19 @@ export class SplatPass {
   drawEyes(people: PassPeople, eyes: readonly Eye[]): void {
     this.upload(people);
     for (const eye of eyes) {
-      this.resize(eye.camera);
-      this.projectSplats(people, eye.camera);
-      this.drawSplats(people, eye.camera);
+      this.drawPeople(people, eye.camera);
       this.room.draw(this.picture, people.shadows, eye);
     }
   }
 
-  /** What the canvas shows, RGBA bytes, the top row first; also waits until everything is drawn. */
+  /** Draw people alone, and read them: premultiplied RGBA bytes, the top row first. */
+  readPeople(people: PassPeople, camera: PassCamera): Uint8Array {
+    this.upload(people);
+    this.drawPeople(people, camera);
+    return this.read();
+  }
+
+  /** What was drawn last, RGBA bytes, the top row first; also waits until everything is drawn. */
   read(rows = this.size.height): Uint8Array {
     const { gl, size } = this;
     const bytes = new Uint8Array(4 * size.width * rows);
@@ -204,6 +215,14 @@ export class SplatPass {
   /** Give the card's memory back. */
   close(): void {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
+  }
+
+  /** Draw people into their picture, whose framebuffer stays bound. */
+  private drawPeople(people: PassPeople, camera: PassCamera): void {
+    this.resize(camera);
+    const laid = this.laid.seenBy(camera, people.transforms);
+    this.projectSplats(people, camera, laid);
+    this.drawSplats(people, camera, laid);
   }
 
   private upload({ transforms, offsets, order }: PassPeople): void {
@@ -247,13 +266,20 @@ export class SplatPass {
     gl.drawBuffers(points);
   }
 
+  private programsFor(laid: boolean): SplatPrograms {
+    if (!laid) return this.programs;
+    this.layingPrograms ??= splatPrograms(this.gl, true);
+    return this.layingPrograms;
+  }
+
   /** Work out where in the picture each splat is drawn. */
-  private projectSplats({ count, growth, yawsRad, hideUnseen }: PassPeople, camera: PassCamera): void {
-    const { gl, projectUniforms: at } = this;
+  private projectSplats({ count, growth, yawsRad, hideUnseen }: PassPeople, camera: PassCamera, laid: boolean): void {
+    const { gl } = this;
     if (count === 0) return;
+    const { project, projectUniforms: at } = this.programsFor(laid);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.projectedFramebuffer);
     gl.viewport(0, 0, ORDER_COLUMNS, Math.ceil(count / ORDER_COLUMNS));
-    gl.useProgram(this.projectProgram);
+    gl.useProgram(project);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.table);
     gl.activeTexture(gl.TEXTURE3);
@@ -270,24 +296,27 @@ export class SplatPass {
     const t = camera.worldToCamera;
     gl.uniform3f(at("translation"), t[3] ?? 0, t[7] ?? 0, t[11] ?? 0);
     this.lights.set(gl, at, camera.eye, yawsRad);
+    if (laid) this.laid.usePlaces(at);
     gl.bindVertexArray(this.emptyVertexArray);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  private drawSplats({ count }: PassPeople, { width, height }: PassCamera): void {
+  private drawSplats({ count }: PassPeople, { width, height }: PassCamera, laid: boolean): void {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     if (count === 0) return;
-    gl.useProgram(this.splatProgram);
+    const { splat, splatUniforms: at } = this.programsFor(laid);
+    gl.useProgram(splat);
+    if (laid) this.laid.useDetail(at);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.ellipses);
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.appearances);
-    gl.uniform1i(this.splatUniforms("appearances"), 3);
-    gl.uniform2f(this.splatUniforms("size"), width, height);
+    gl.uniform1i(at("appearances"), 3);
+    gl.uniform2f(at("size"), width, height);
     gl.bindVertexArray(this.emptyVertexArray);
     gl.enable(gl.BLEND);
     // front to back: each splat gets what the ones before it let through

@@ -11,7 +11,9 @@
 
 import { OWNER_BITS } from "./packed";
 import { CHANGE_SHADER } from "./changes";
+import { LARGEST_DETAIL, PLACE_BITS, PLACE_STEPS, SHARE_STEPS } from "./laid";
 import { MOVED_COLUMNS } from "./moved";
+import { PICTURE_PX } from "../look/cutOut";
 import { NEAR_M, ORDER_COLUMNS } from "./sort";
 
 /** Variance of a pixel's box filter, px^2: BOX_FILTER_PX2 of the server. */
@@ -21,12 +23,19 @@ const LEAST_AREA_PX4 = 1e-6;
 /** Opacity below which a splat changes no 8-bit pixel. */
 const MIN_OPACITY = 1 / 255;
 const MAX_OPACITY = 0.99;
+/** Alpha up to which a splat shows too little of a picture laid on it to be worth a look into that. */
+const LEAST_LAID = 1 / 64;
 /** Splats a row of the table; four texels each. */
 export const TABLE_COLUMNS = 256;
 /** People of a meeting. */
 export const MAX_PEOPLE = 12;
 
 const float = (value: number): string => value.toFixed(9);
+
+/** `source` for views in which somebody's picture is laid on them (`LaidPicture`). */
+export function laying(source: string): string {
+  return source.replace("\n", "\n#define LAID\n");
+}
 
 /** A fragment a splat: where it is drawn, and its colour. */
 export const PROJECT_FRAGMENT = `#version 300 es
@@ -53,8 +62,16 @@ uniform vec2 clipYaw[${MAX_PEOPLE}]; // cosine and sine of the yaw by which that
 uniform vec3 keyDirection;
 uniform vec3 keyColour;
 uniform float growth[${MAX_PEOPLE}]; // of variances, a person
-layout(location = 0) out uvec4 ellipse; // mean, px, and the major half axis at one standard deviation
-layout(location = 1) out uvec4 appearance; // minor over major axis, cutoff in standard deviations (0: culled), colour
+#ifdef LAID
+uniform usampler2D places; // in the pictures that are laid on people
+uniform vec3 laid[${MAX_PEOPLE}]; // a person: strength, px of the picture for one of the view, layer
+#endif
+// without LAID: mean, px, and the major half axis at one standard deviation
+// with it: mean; axis; minor over major axis, cutoff
+layout(location = 0) out uvec4 ellipse;
+// without LAID: minor over major axis, cutoff in standard deviations (0: culled), colour
+// with it: place and layer; strength, px of the picture for one of the view; colour
+layout(location = 1) out uvec4 appearance;
 
 vec4 transformRow(uint joint, int r) {
   return texelFetch(transforms, ivec2(r, int(joint)), 0);
@@ -156,11 +173,20 @@ void main() {
   }
   uint change = texelFetch(changes, ivec2(splat % ${TABLE_COLUMNS}u, splat / ${TABLE_COLUMNS}u), 0).x;
   if (change != 0u) colour = changed(colour, unpackRgb(t3.x), change);
-  ellipse = floatBitsToUint(vec4(meanPx, majorAxis * sqrt(majorVariance)));
-  appearance = uvec4(
-    floatBitsToUint(sqrt(minorVariance / majorVariance)), floatBitsToUint(cutoff),
-    packHalf2x16(colour.rg), packHalf2x16(vec2(colour.b, opacity))
-  );
+  majorAxis *= sqrt(majorVariance);
+  float ratio = sqrt(minorVariance / majorVariance);
+  uvec2 packedColour = uvec2(packHalf2x16(colour.rg), packHalf2x16(vec2(colour.b, opacity)));
+#ifdef LAID
+  uint place = texelFetch(places, ivec2(splat % ${TABLE_COLUMNS}u, splat / ${TABLE_COLUMNS}u), 0).x;
+  vec3 on = laid[owner];
+  float strength = on.x * float(place >> ${2 * PLACE_BITS}u) / ${SHARE_STEPS}.0;
+  ellipse = uvec4(floatBitsToUint(meanPx), packHalf2x16(majorAxis), packHalf2x16(vec2(ratio, cutoff)));
+  place = (place & ${2 ** (2 * PLACE_BITS) - 1}u) | uint(on.z) << ${2 * PLACE_BITS}u;
+  appearance = uvec4(place, packHalf2x16(vec2(strength, on.y)), packedColour);
+#else
+  ellipse = floatBitsToUint(vec4(meanPx, majorAxis));
+  appearance = uvec4(floatBitsToUint(ratio), floatBitsToUint(cutoff), packedColour);
+#endif
 }
 `;
 
@@ -174,6 +200,10 @@ uniform usampler2D appearances;
 uniform vec2 size;
 out vec2 offset; // from the mean, in standard deviations
 flat out vec4 colour;
+#ifdef LAID
+out vec2 place; // in the picture that is laid on, of its width
+flat out vec2 laid; // strength and layer
+#endif
 
 void main() {
   // three corners a splat: instances are drawn one by one where a processor stands in for the card,
@@ -181,13 +211,28 @@ void main() {
   int instance = gl_VertexID / 3;
   int corner = gl_VertexID - 3 * instance;
   ivec2 texel = ivec2(instance % ${ORDER_COLUMNS}, instance / ${ORDER_COLUMNS});
-  vec4 ellipse = uintBitsToFloat(texelFetch(ellipses, texel, 0));
+  uvec4 ellipse = texelFetch(ellipses, texel, 0);
   uvec4 appearance = texelFetch(appearances, texel, 0);
-  float cutoff = uintBitsToFloat(appearance.y);
+  vec2 mean = uintBitsToFloat(ellipse.xy);
+#ifdef LAID
+  vec2 majorAxis = unpackHalf2x16(ellipse.z);
+  vec2 shape = unpackHalf2x16(ellipse.w);
+#else
+  vec2 majorAxis = uintBitsToFloat(ellipse.zw);
+  vec2 shape = uintBitsToFloat(appearance.xy);
+#endif
+  float ratio = shape.x;
+  float cutoff = shape.y;
   offset = cutoff * (corner == 0 ? vec2(0.0, 2.0) : vec2(corner == 1 ? ${float(Math.sqrt(3))} : ${float(-Math.sqrt(3))}, -1.0));
   colour = vec4(unpackHalf2x16(appearance.z), unpackHalf2x16(appearance.w));
-  vec2 majorAxis = ellipse.zw;
-  vec2 position = ellipse.xy + offset.x * majorAxis + offset.y * uintBitsToFloat(appearance.x) * vec2(-majorAxis.y, majorAxis.x);
+  vec2 beside = offset.x * majorAxis + offset.y * ratio * vec2(-majorAxis.y, majorAxis.x);
+  vec2 position = mean + beside;
+#ifdef LAID
+  vec2 centre = vec2((uvec2(appearance.x) >> uvec2(0u, ${PLACE_BITS}u)) & ${PLACE_STEPS}u) / ${PLACE_STEPS}.0;
+  vec2 on = unpackHalf2x16(appearance.y);
+  place = centre + on.y / ${PICTURE_PX}.0 * beside;
+  laid = vec2(on.x, appearance.x >> ${2 * PLACE_BITS}u);
+#endif
   gl_Position = vec4(2.0 * position.x / size.x - 1.0, 1.0 - 2.0 * position.y / size.y, 0.0, 1.0);
   if (cutoff == 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }
@@ -197,6 +242,12 @@ export const SPLAT_FRAGMENT = `#version 300 es
 precision highp float;
 in vec2 offset;
 flat in vec4 colour;
+#ifdef LAID
+precision highp sampler2DArray;
+in vec2 place;
+flat in vec2 laid;
+uniform sampler2DArray detail; // factors of colours, a layer a person
+#endif
 out vec4 premultiplied;
 
 /**
@@ -213,7 +264,14 @@ float falloff(float r2) {
 
 void main() {
   float alpha = min(colour.a * falloff(dot(offset, offset)), ${float(MAX_OPACITY)});
-  premultiplied = vec4(colour.rgb * alpha, alpha);
+  vec3 rgb = colour.rgb;
+#ifdef LAID
+  if (laid.x > 0.0 && alpha > ${float(LEAST_LAID)}) {
+    vec3 factor = ${float(LARGEST_DETAIL)} * textureLod(detail, vec3(place, laid.y), 0.0).rgb;
+    rgb = min(rgb * mix(vec3(1.0), factor, laid.x), 1.0);
+  }
+#endif
+  premultiplied = vec4(rgb * alpha, alpha);
 }
 `;
 

@@ -5,7 +5,7 @@
  * "skinning").
  */
 
-import { rotationMatrix } from "../viewpoint/geometry";
+import { rotationMatrix, type Vec3 } from "../viewpoint/geometry";
 
 /** Numbers of one transform. */
 export const TRANSFORM = 12;
@@ -67,9 +67,21 @@ export function transformedJoint(
   joint: number,
 ): [number, number, number] {
   const [x = 0, y = 0, z = 0] = restJoints.subarray(3 * joint, 3 * joint + 3);
+  return transformed(transforms, at, [x, y, z]);
+}
+
+/** Where the transform at `at` takes a place at rest. */
+export function transformed(transforms: Float32Array, at: number, [x, y, z]: Vec3): [number, number, number] {
   const row = (r: number): number => {
     const [a = 0, b = 0, c = 0, d = 0] = transforms.subarray(at + 4 * r, at + 4 * r + 4);
     return a * x + b * y + c * z + d;
   };
   return [row(0), row(1), row(2)];
+}
+
+/** The place at rest that the transform at `at`, of a joint, takes to the origin. */
+export function placeTakenToOrigin(transforms: Float32Array, at: number): [number, number, number] {
+  const [a = 0, b = 0, c = 0, x = 0, d = 0, e = 0, f = 0, y = 0, g = 0, h = 0, i = 0, z = 0] = transforms.subarray(at, at + TRANSFORM);
+  // joints only turn: the inverse is the transpose
+  return [-(a * x + d * y + g * z), -(b * x + e * y + h * z), -(c * x + f * y + i * z)];
 }

@@ -250,6 +250,8 @@ export class Headset {
     if (this.budget.observeAt(nowMs) && layer.fixedFoveation != null) {
       layer.fixedFoveation = this.budget.step.foveation;
     }
+    // whoever draws the fewest splats has no time to spare
+    this.view.room.lays = !this.budget.atSmallest;
     this.pictures += 1;
     const since = nowMs - this.toldMs;
     if (since < NEWS_MS) return;

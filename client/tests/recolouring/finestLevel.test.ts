@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { finestLevel, ofAllLevels } from "../../src/recolouring/finestLevel";
+import { finestLevel, ofAllLevels, placesOfAllLevels } from "../../src/recolouring/finestLevel";
 import { NEVER } from "../../src/splats/levels";
 import { movedSplats } from "../../src/splats/moved";
 import { person } from "./people";
@@ -34,6 +34,17 @@ describe("the finest level", () => {
     const { places } = finestLevel(FILE);
     const red = ofAllLevels(FILE, places, Float32Array.of(1, 0, 0, 0.5, 0, 0, 0.25, 0, 0, 0.75, 0, 0)).filter((_, at) => at % 3 === 0);
     expect([...red]).toEqual([0.5, 1, 0.5, 0.5, 0.25, 0.75]);
+  });
+
+  it("gives coarser splats the mean place of theirs, which weigh by their share, and its mean", () => {
+    const { places } = finestLevel(FILE);
+    // x, y, share of splats 1, 2, 4 and 5; the third is not seen
+    const laid = Float32Array.of(10, 20, 1, 4, 8, 0.5, 7, 7, 0, 30, 60, 0.25);
+    const all = [...placesOfAllLevels(FILE, places, laid)];
+    expect(all.slice(9, 12)).toEqual([30, 60, 0.125]);
+    expect(all.slice(3, 6)).toEqual([10, 20, 1]);
+    // (4 * 0.5 + 30 * 0.125) / 0.625, and so on
+    [9.2, 18.4, 0.3125].forEach((value, at) => expect(all[at]).toBeCloseTo(value, 5));
   });
 
   it("is all of a file without levels", () => {

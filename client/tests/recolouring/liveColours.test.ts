@@ -5,6 +5,8 @@ import { LiveColours, type CutOutPicture } from "../../src/recolouring/liveColou
 import { nearest } from "../../src/recolouring/neighbours";
 import { cutOutPicture } from "../../src/recolouring/pictureReader";
 import { ProjectedSplats, type Lens } from "../../src/recolouring/projected";
+import type { DrawsPosed, Posed } from "../../src/recolouring/webcamView";
+import { CHEST } from "../../src/splats/laid";
 import { depthOrder } from "../../src/splats/sort";
 import { person, poseOf, wall } from "./people";
 
@@ -58,6 +60,75 @@ describe("LiveColours", () => {
     expect(redAt(2.3)).toBeCloseTo(redAt(1), 2);
     expect(redAt(3.3)).toBeLessThan(0.8 * redAt(1));
     expect(redAt(6)).toBeLessThan(0.5 * redAt(1));
+  });
+});
+
+describe("a laid picture", () => {
+  const [front, back] = [10 * 20 + 10, 400 + 10 * 20 + 10];
+  const FINE = 2 * SIDE;
+  /** All of it known; each column as bright as it is told, of 255. */
+  const fine = (greyOf: (x: number) => number) => ({
+    side: FINE,
+    rgba: Uint8ClampedArray.from({ length: 4 * FINE * FINE }, (_, at) => greyOf((at >> 2) % FINE)),
+    known: new Uint8Array(FINE * FINE).fill(1),
+  });
+  const shareOf = (places: Uint32Array, i: number): number => (places[i] ?? 0) >>> 24;
+  /** What draws everybody as one grey, and what it was told to draw. */
+  const grey = (value: number): DrawsPosed & { told: Posed[] } => {
+    const told: Posed[] = [];
+    const draw = (posed: Posed, _: Lens, side: number): Uint8Array => {
+      told.push(posed);
+      return Uint8Array.from({ length: 4 * side * side }, (_, at) => (at % 4 === 3 ? 255 : 255 * value));
+    };
+    return { draw, told };
+  };
+  const stripes = (x: number): number => (x % 4 < 2 ? 82 : 122);
+
+  it("is as much brighter or darker as the picture is than the splats in their live colours", () => {
+    const colours = new LiveColours(person(wall(20), CHEST), SIDE);
+    played(colours, picture([0.4, 0.4, 0.4]));
+    const { detail, focalPx, webcam } = colours.laidPicture(fine(stripes), grey(0.4));
+    const red = (x: number): number => ((detail[FINE * SIDE + x] ?? 0) & 1023) / 255;
+    const [dark, bright] = [red(SIDE), red(SIDE + 2)];
+    expect(dark).toBeCloseTo((82 / 255 + 0.04) / 0.44, 2);
+    expect(bright).toBeCloseTo((122 / 255 + 0.04) / 0.44, 2);
+    expect(focalPx).toBe(400);
+    expect(webcam.map((m) => m + 0)).toEqual([0, 0, 1]);
+  });
+
+  it("is found beside what is shown: every splat that is drawn, in its live colour", () => {
+    const colours = new LiveColours(person([...wall(20), [5, 0, 0]]), SIDE);
+    const changes = played(colours, picture([0.7, 0.4, 0.2]));
+    const view = grey(0.4);
+    colours.laidPicture(fine(stripes), view);
+    expect(view.told[0]?.changes).toEqual(changes);
+    expect(view.told[0]?.count).toBe(400);
+    expect(new Set(view.told[0]?.order.subarray(0, 400)).has(400)).toBe(false);
+  });
+
+  it("lies where the splats are in it that are seen", () => {
+    const colours = new LiveColours(person([...wall(20), ...wall(20, -0.2)]), SIDE);
+    played(colours, picture([0.4, 0.4, 0.4]));
+    const { places } = colours.laidPicture(fine(stripes), grey(0.4));
+    // half a centimetre right of the middle and above it: a pixel of the small picture
+    const at = ((places[front] ?? 0) & 4095) * (288 / 4095);
+    expect(at).toBeCloseTo(2 * (SIDE / 2 + 1), 0);
+    expect(shareOf(places, front)).toBe(255);
+    expect(shareOf(places, back)).toBe(0);
+  });
+
+  it("fades where the webcam sees a splat no longer, in a tenth of a second", () => {
+    const colours = new LiveColours(person(wall(20)), SIDE);
+    played(colours, picture([0.4, 0.4, 0.4]));
+    const half = picture([0.4, 0.4, 0.4], (x) => x < SIDE / 2 + 3);
+    const shares = [0.95, 0.98, 1.5].map((timeS) => {
+      colours.see(half, poseOf(1, 1000 * timeS), LENS);
+      colours.changesAt(timeS);
+      return shareOf(colours.laidPicture(fine(stripes), grey(0.4)).places, front + 3);
+    });
+    expect(shares[0]).toBeLessThan(255);
+    expect(shares[0]).toBeGreaterThan(shares[1]!);
+    expect(shares[1]).toBeGreaterThan(shares[2]!);
   });
 });
 

@@ -1,6 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Recolouring, type RecolouredRoom } from "../../src/recolouring/recolouring";
 import type { LookTask, Recoloured } from "../../src/recolouring/worker";
+import type { LaidPicture } from "../../src/splats/laid";
 import { person, wall } from "./people";
 
 class FakeWorker extends EventTarget {
@@ -19,6 +20,7 @@ class FakeWorker extends EventTarget {
   }
 }
 
+const LAID: LaidPicture = { detail: new Uint32Array(1), places: new Uint32Array(1), webcam: [0, 0, 1], focalPx: 300 };
 const ADA = 0x8768;
 const BO = 0x1234;
 
@@ -35,6 +37,9 @@ const end = (check: number): ArrayBuffer => packet(check, 6);
 describe("Recolouring", () => {
   let here: { check: number; splats: ReturnType<typeof person> }[];
   let shown: number[][];
+  /** Whose pictures are laid on them. */
+  let laidOn: boolean[][];
+  let room: { lays: boolean };
   let recolouring: Recolouring;
 
   const versionOf = (check: number): number =>
@@ -42,7 +47,7 @@ describe("Recolouring", () => {
   /** The worker's answer of a picture of `momentMs`. */
   const answer = (check: number, value: number, momentMs = 0, version = versionOf(check)): void => {
     const count = here.find((one) => one.check === check)?.splats.count ?? 0;
-    FakeWorker.made[0]?.answer({ person: check, version, changes: new Uint32Array(count).fill(value), momentMs });
+    FakeWorker.made[0]?.answer({ person: check, version, changes: new Uint32Array(count).fill(value), momentMs, laid: LAID });
   };
 
   beforeEach(() => {
@@ -50,18 +55,24 @@ describe("Recolouring", () => {
     vi.stubGlobal("Worker", FakeWorker);
     FakeWorker.made = [];
     shown = [];
+    laidOn = [];
     here = [
       { check: BO, splats: person(wall(1)) },
       { check: ADA, splats: person(wall(2)) },
     ];
-    const room: RecolouredRoom = {
+    const drawn = {
+      lays: true,
       get people() {
         return here.map(({ splats }) => splats);
       },
-      indexOf: (check) => here.findIndex((one) => one.check === check),
-      setChanges: (changes) => shown.push([...changes]),
-    };
-    recolouring = new Recolouring(() => room);
+      indexOf: (check: number) => here.findIndex((one) => one.check === check),
+      setChanges: (changes: Uint32Array, laid: readonly (LaidPicture | null)[]) => {
+        shown.push([...changes]);
+        laidOn.push(laid.map((one) => one === LAID));
+      },
+    } satisfies RecolouredRoom;
+    room = drawn;
+    recolouring = new Recolouring(() => drawn);
   });
   afterEach(() => {
     vi.unstubAllGlobals();
@@ -72,7 +83,25 @@ describe("Recolouring", () => {
     recolouring.accept(packet(ADA), 0);
     recolouring.accept(packet(ADA), 10);
     expect(FakeWorker.made).toHaveLength(1);
-    expect(FakeWorker.made[0]?.told.map((task) => Object.keys(task))).toEqual([["person", "splats", "version"], ["person", "packet"], ["person", "packet"]]);
+    expect(FakeWorker.made[0]?.told.map((task) => Object.keys(task))).toEqual([["person", "splats", "version"], ["person", "packet", "lays"], ["person", "packet", "lays"]]);
+  });
+
+  it("tells the worker whether this device lays pictures on people", () => {
+    recolouring.accept(packet(ADA), 0);
+    room.lays = false;
+    recolouring.accept(packet(ADA), 10);
+    expect(FakeWorker.made[0]?.told.flatMap((task) => ("lays" in task ? [task.lays] : []))).toEqual([true, false]);
+  });
+
+  it("lays pictures on whom they show, until the same moment as their changes", () => {
+    recolouring.accept(packet(ADA), 0);
+    recolouring.accept(packet(BO), 0);
+    answer(ADA, 5);
+    answer(BO, 6);
+    recolouring.accept(end(BO), 20);
+    recolouring.forget();
+    expect(laidOn).toEqual([[false, true], [true, true], [false, true], [false, false]]);
+    expect(shown.map((one) => one.some(Boolean))).toEqual([true, true, true, false]);
   });
 
   it("shows everybody's changes among everybody's splats", () => {

@@ -12,6 +12,7 @@ function device(counts: number[], msPerThousand: number) {
   const sum = (kept: readonly number[]): number => kept.reduce((all, one) => all + one, 0);
   const room = {
     counts,
+    lays: true,
     pelvisPositions: counts.map((_, person) => [person, 1, -1]),
     onFinished: (_: number): void => undefined,
     trialFps: (...[, , , kept]: [unknown, unknown, unknown, readonly number[]]): number => {
@@ -30,7 +31,7 @@ function device(counts: number[], msPerThousand: number) {
     for (let n = 0; n < pictures; n++) paced.draw(VIEW, 1, SIZE, false);
     return sum(drawn.at(-1) ?? []);
   };
-  return { paced, trials, drawn, draw, speed, trial: () => paced.trial(VIEW, 1, SIZE) };
+  return { room, paced, trials, drawn, draw, speed, trial: () => paced.trial(VIEW, 1, SIZE) };
 }
 
 describe("the steps of a page", () => {
@@ -48,6 +49,17 @@ describe("PacedRoom", () => {
     expect(trial()).toBeGreaterThan(45);
     expect(draw(1)).toBe(45_000);
     expect([paced.atSmallest, paced.coarse]).toEqual([false, false]);
+  });
+
+  it("lays pictures on people where the device is quick, and no longer where it gets slow", () => {
+    const { room, trial, draw, speed } = device([10_000], 0.5);
+    trial();
+    expect(room.lays).toBe(false);
+    draw(30);
+    expect(room.lays).toBe(true);
+    speed.msPerThousand = 3;
+    draw(60);
+    expect(room.lays).toBe(false);
   });
 
   it("begins with as many splats as a slow device draws quickly enough, and never tries many more", () => {

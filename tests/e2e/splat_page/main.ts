@@ -5,6 +5,7 @@ import { packSplats, shareWithin } from "../../../client/src/splats/packed";
 import { growths, readSplats } from "../../../client/src/splats/file";
 import { finest } from "../../../client/src/splats/levels";
 import { allocateOffsets, moveSplats } from "../../../client/src/splats/moved";
+import { packDetail, packPlaces, type LaidPicture } from "../../../client/src/splats/laid";
 import { passCamera } from "../../../client/src/splats/camera";
 import { SplatPass, type PassFrame } from "../../../client/src/splats/pass";
 import { contactShadows, decodePanorama } from "../../../client/src/splats/room";
@@ -12,7 +13,8 @@ import { forwardKinematics, TRANSFORM } from "../../../client/src/splats/skeleto
 import { depthOrder, depthRows, depths, allocateOrder, displaced } from "../../../client/src/splats/sort";
 import { decodeLook } from "../../../client/src/recolouring/packets";
 import { LiveColours } from "../../../client/src/recolouring/liveColours";
-import { cutOutPicture } from "../../../client/src/recolouring/pictureReader";
+import { WebcamView } from "../../../client/src/recolouring/webcamView";
+import { cutOutPicture, finePicture } from "../../../client/src/recolouring/pictureReader";
 import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
 import type { Light } from "../../../client/src/api/types";
 
@@ -37,19 +39,36 @@ interface Asked {
   yawsRad: number[];
   /** What live look changes, a packed number a splat, base64; nothing, where nothing is said. */
   changes?: string;
+  laid?: Laid[];
 }
 
-/** A person's file and pictures of them, RGBA of `side` px above their mattes, with the packets of their poses; base64. */
+/**
+ * A picture that is laid on the person at this place of the cast: floats, base64. Of each splat, in the file's order,
+ * x and y (px of the picture) and share; red, green and blue of each pixel's factor.
+ */
+interface Laid {
+  index: number;
+  places: string;
+  detail: string;
+  webcam: Vec3;
+  focalPx: number;
+}
+
+/**
+ * A person's file and pictures of them, RGBA of `side` px above their mattes, with the packets of their poses; base64.
+ * `fine`: the same picture, twice as large.
+ */
 interface Seen {
   file: string;
   side: number;
-  seen: { picture: string; packet: string }[];
+  seen: { picture: string; fine?: string; packet: string }[];
 }
 
 const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 const base64 = (data: Uint8Array): string => btoa(Array.from(data, (byte) => String.fromCharCode(byte)).join(""));
 const canvas = document.querySelector("canvas") as HTMLCanvasElement;
 const pass = new SplatPass(canvas);
+const webcamView = new WebcamView(new OffscreenCanvas(1, 1));
 
 function frameOf(asked: Asked): PassFrame {
   const files = asked.files.map(bytes);
@@ -57,7 +76,8 @@ function frameOf(asked: Asked): PassFrame {
   const share = shareWithin(whole.map(finest), asked.most);
   const splats = packSplats(share < 1 ? files.map((file) => readSplats(file, share)) : whole);
   pass.setSplats(splats);
-  if (asked.changes !== undefined) pass.setChanges(new Uint32Array(bytes(asked.changes)));
+  const changes = asked.changes === undefined ? new Uint32Array(splats.count) : new Uint32Array(bytes(asked.changes));
+  pass.setChanges(changes, laidOn(splats.people.length, asked.laid ?? []));
   const transforms = new Float32Array(TRANSFORM * splats.joints);
   const offsets = allocateOffsets(splats.moved);
   let moved = 0;
@@ -78,6 +98,15 @@ function frameOf(asked: Asked): PassFrame {
   const count = depthOrder(depth, order);
   const growth = growths(splats.people, kept);
   return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, hideUnseen: asked.hideUnseen };
+}
+
+function laidOn(people: number, laid: readonly Laid[]): (LaidPicture | null)[] {
+  const on = Array.from({ length: people }, (): LaidPicture | null => null);
+  for (const { index, places, detail, webcam, focalPx } of laid) {
+    const floats = (text: string): Float32Array => new Float32Array(bytes(text));
+    on[index] = { places: packPlaces(floats(places)), detail: packDetail(floats(detail)), webcam, focalPx };
+  }
+  return on;
 }
 
 function testScreen(): HTMLCanvasElement {
@@ -111,6 +140,20 @@ Object.assign(window, {
       if (told?.kind !== "pose") throw new Error("a pose was expected");
       colours.see(cutOutPicture(new Uint8ClampedArray(bytes(picture)), side), told.pose, told.lens);
       return base64(new Uint8Array(colours.changesAt(told.pose.captureTimeMs / 1000).buffer));
+    });
+  },
+  /** What comes to be laid on the person: packed numbers of splats and pixels, base64, and where the webcam is. */
+  laidOf({ file, side, seen }: Seen) {
+    const colours = new LiveColours(readSplats(bytes(file)), side);
+    return seen.map(({ picture, fine, packet }) => {
+      const told = decodeLook(bytes(packet));
+      if (told?.kind !== "pose" || fine === undefined) throw new Error("a pose and a fine picture were expected");
+      colours.see(cutOutPicture(new Uint8ClampedArray(bytes(picture)), side), told.pose, told.lens);
+      const changes = colours.changesAt(told.pose.captureTimeMs / 1000);
+      const laid = colours.laidPicture(finePicture(new Uint8ClampedArray(bytes(fine)), 2 * side), webcamView);
+      const packed = (numbers: Uint32Array): string => base64(new Uint8Array(numbers.buffer));
+      const { webcam, focalPx } = laid;
+      return { changes: packed(changes), detail: packed(laid.detail), places: packed(laid.places), webcam, focalPx };
     });
   },
 });
