@@ -1,14 +1,15 @@
-/** Draws what leaves the device for live look, in a worker: the person cut out, their matte, and the code. */
+/** Draws what leaves the device for live look, in a worker: the person cut out, and the code. */
 
-import { mattePixels, matteOf, type Mask } from "./matte";
+import { LIFT } from "./keying";
+import { keptPixels, matteOf, type Mask } from "./matte";
 import { CELLS, CELL_PX, pictureCodeCells } from "./pictureCode";
 import { LookWindow, type SeenPoints } from "./window";
 
 export const PICTURE_PX = 384;
-/** Of the matte and of the code beside it. */
-export const MATTE_PX = CELLS * CELL_PX;
+/** A network's mask is no finer. */
+const MATTE_PX = PICTURE_PX / 2;
 export const LOOK_WIDTH = PICTURE_PX;
-export const LOOK_HEIGHT = PICTURE_PX + MATTE_PX;
+export const LOOK_HEIGHT = PICTURE_PX + CELLS * CELL_PX;
 
 /** Between pictures: fifteen a second are sent, of a camera's thirty every other. */
 const LEAST_MS = 60;
@@ -30,9 +31,12 @@ export class CutOut {
     this.drawnMs = timeMs;
     const { page, matte } = this;
     const { x, y, side } = square;
-    const { grey, kept } = mattePixels(matteOf(mask, square, MATTE_PX));
+    const kept = keptPixels(matteOf(mask, square, MATTE_PX));
     page.globalCompositeOperation = "copy";
     page.drawImage(picture, x, y, side, side, 0, 0, PICTURE_PX, PICTURE_PX);
+    page.globalCompositeOperation = "source-over";
+    page.fillStyle = `rgb(255 255 255 / ${LIFT / 255})`;
+    page.fillRect(0, 0, PICTURE_PX, PICTURE_PX);
     matte.putImageData(imageOf(kept), 0, 0);
     page.globalCompositeOperation = "destination-in";
     page.drawImage(matte.canvas, 0, 0, PICTURE_PX, PICTURE_PX);
@@ -40,11 +44,10 @@ export class CutOut {
     page.fillStyle = "black";
     page.fillRect(0, 0, LOOK_WIDTH, LOOK_HEIGHT);
     page.globalCompositeOperation = "source-over";
-    page.putImageData(imageOf(grey), 0, PICTURE_PX);
     page.fillStyle = "white";
     pictureCodeCells(timeMs, square).forEach((white, index) => {
       const [row, column] = [Math.floor(index / CELLS), index % CELLS];
-      if (white) page.fillRect(MATTE_PX + column * CELL_PX, PICTURE_PX + row * CELL_PX, CELL_PX, CELL_PX);
+      if (white) page.fillRect(column * CELL_PX, PICTURE_PX + row * CELL_PX, CELL_PX, CELL_PX);
     });
     return page.canvas.transferToImageBitmap();
   }

@@ -28,13 +28,9 @@ export function matteOf({ width, height, values }: Mask, square: Square, side: n
   return matte;
 }
 
-/** RGBA of a matte as grey, and of what it leaves of a picture: all from one half on, less below. */
-export function mattePixels(matte: Uint8ClampedArray): { grey: Uint8ClampedArray; kept: Uint8ClampedArray } {
+/** RGBA, of which alpha is what a matte leaves of a picture: all from one half on, less below. */
+export function keptPixels(matte: Uint8ClampedArray): Uint8ClampedArray {
   // a pixel at a time: of a little-endian number the highest byte is alpha
-  const [grey, kept] = [new Uint32Array(matte.length), new Uint32Array(matte.length)];
-  matte.forEach((value, index) => {
-    grey[index] = 0xff000000 | (value * 0x010101);
-    kept[index] = Math.min(255, 2 * value) << 24;
-  });
-  return { grey: new Uint8ClampedArray(grey.buffer), kept: new Uint8ClampedArray(kept.buffer) };
+  const kept = Uint32Array.from(matte, (value) => Math.min(255, 2 * value) << 24);
+  return new Uint8ClampedArray(kept.buffer);
 }

@@ -10,7 +10,7 @@ const COVERED = 0.9;
 /** Of a pixel and its neighbours, 1 2 1 along rows and columns, that are all known. */
 const ALL_KNOWN = 16;
 
-/** A person's picture in all its pixels: RGBA, of which more rows may follow, and 1 where it is known, else 0. */
+/** A person's picture in all its pixels: RGBA, and 1 where it is known, else 0. */
 export interface FinePicture {
   side: number;
   rgba: Uint8ClampedArray;

@@ -3,6 +3,7 @@
  * holds both to the same changes of the same pictures.
  */
 
+import { PICTURE_PX } from "../look/cutOut";
 import { packChanges } from "../splats/changes";
 import type { SplatFile } from "../splats/file";
 import { packDetail, packPlaces, type LaidPicture } from "../splats/laid";
@@ -37,8 +38,6 @@ const HELD_S = 1.5;
 const GONE_S = 1;
 const COMES_S = 0.1;
 const EXPOSURE_S = 1;
-/** A picture that is laid on is so many times as large as the one that colours are found in. */
-const FINER = 2;
 const EXPOSURE_RANGE = [0.7, 1.4] as const;
 
 /** A person's picture: RGB of each pixel and how well it is known, each 0 to 1; black where it is not. */
@@ -99,7 +98,7 @@ export class LiveColours {
     this.colours = new Float32Array(3 * count);
     this.pixels = new Float32Array(4 * side * side);
     this.shown = new Float32Array(3 * count);
-    this.detail = new Detail(FINER * side);
+    this.detail = new Detail(PICTURE_PX);
     this.order = new Uint32Array(count);
   }
 
@@ -160,7 +159,8 @@ export class LiveColours {
   laidPicture(picture: FinePicture, view: DrawsPosed): LaidPicture {
     const { footprints, laidShare, person, share, shown, splats } = this;
     const [fx, fy, cx, cy] = this.lens;
-    const lens = [FINER * fx, FINER * fy, FINER * cx, FINER * cy] as const;
+    const finer = picture.side / this.side;
+    const lens = [finer * fx, finer * fy, finer * cx, finer * cy] as const;
     const { count, order: sorted } = footprints;
     const order = allocateOrder(person.count);
     order.set(sorted.subarray(0, count));
@@ -169,8 +169,8 @@ export class LiveColours {
     const detail = packDetail(this.detail.of(picture, view.draw(posed, lens, picture.side)));
     const places = new Float32Array(3 * person.count);
     for (let i = 0; i < person.count; i++) {
-      places[3 * i] = FINER * splats.x[i]!;
-      places[3 * i + 1] = FINER * splats.y[i]!;
+      places[3 * i] = finer * splats.x[i]!;
+      places[3 * i + 1] = finer * splats.y[i]!;
       places[3 * i + 2] = Math.min(laidShare[i]!, share[i]!);
     }
     const all = placesOfAllLevels(this.file, this.places, places);

@@ -76,13 +76,13 @@ class Person {
     if (!colours || !newest || !frame) return null;
     const { number, pose, lens } = newest;
     this.poses = this.poses.filter((one) => one.number > number);
-    const { picture, fine } = reader.read(frame);
+    if (this.lays && view === undefined) view = makeView();
+    const { picture, fine } = reader.read(frame, this.lays && view !== null);
     frame.close();
     const scale = SIDE / PICTURE_PX;
     colours.see(picture, pose, [lens[0] * scale, lens[1] * scale, lens[2] * scale, lens[3] * scale]);
     const changes = colours.changesAt(pose.captureTimeMs / 1000);
-    if (this.lays && view === undefined) view = makeView();
-    const laid = this.lays && view ? colours.laidPicture(fine(), view) : null;
+    const laid = fine && view ? colours.laidPicture(fine, view) : null;
     return { version, changes, laid, momentMs: pose.captureTimeMs };
   }
 

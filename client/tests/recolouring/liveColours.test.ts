@@ -3,6 +3,7 @@ import { Footprints } from "../../src/recolouring/footprints";
 import { hiddenByBody, hiddenByLimbs, limbSplats } from "../../src/recolouring/hidden";
 import { LiveColours, type CutOutPicture } from "../../src/recolouring/liveColours";
 import { nearest } from "../../src/recolouring/neighbours";
+import { PICTURE_PX } from "../../src/look/cutOut";
 import { cutOutPicture } from "../../src/recolouring/pictureReader";
 import { ProjectedSplats, type Lens } from "../../src/recolouring/projected";
 import type { DrawsPosed, Posed } from "../../src/recolouring/webcamView";
@@ -111,7 +112,7 @@ describe("a laid picture", () => {
     played(colours, picture([0.4, 0.4, 0.4]));
     const { places } = colours.laidPicture(fine(stripes), grey(0.4));
     // half a centimetre right of the middle and above it: a pixel of the small picture
-    const at = ((places[front] ?? 0) & 4095) * (288 / 4095);
+    const at = ((places[front] ?? 0) & 4095) * (PICTURE_PX / 4095);
     expect(at).toBeCloseTo(2 * (SIDE / 2 + 1), 0);
     expect(shareOf(places, front)).toBe(255);
     expect(shareOf(places, back)).toBe(0);
@@ -196,8 +197,8 @@ describe("nearest", () => {
 describe("cutOutPicture", () => {
   it("knows pixels all round which the matte is white", () => {
     const side = 6;
-    const data = new Uint8ClampedArray(4 * 2 * side * side).fill(255);
-    data[4 * (side * side + 2 * side + 2) + 1] = 200;
+    const data = new Uint8ClampedArray(4 * side * side).fill(255);
+    data.fill(24, 4 * (2 * side + 2), 4 * (2 * side + 2) + 3);
     const { rgb, known } = cutOutPicture(data, side);
     const rows = Array.from({ length: side }, (_, row) => [...known.slice(row * side, (row + 1) * side)].join(""));
     expect(rows).toEqual(["111111", "100011", "100011", "100011", "111111", "111111"]);

@@ -44,7 +44,7 @@ describe("packed places", () => {
   });
 
   it("are none beside the picture, and none of who is not seen", () => {
-    expect([...packPlaces(Float32Array.of(-0.1, 5, 1, 5, 288.1, 1, 5, 5, 0))]).toEqual([0, 0, 0]);
+    expect([...packPlaces(Float32Array.of(-0.1, 5, 1, 5, 384.1, 1, 5, 5, 0))]).toEqual([0, 0, 0]);
   });
 });
 

@@ -14,6 +14,7 @@ import { depthOrder, depthRows, depths, allocateOrder, displaced } from "../../.
 import { decodeLook } from "../../../client/src/recolouring/packets";
 import { LiveColours } from "../../../client/src/recolouring/liveColours";
 import { WebcamView } from "../../../client/src/recolouring/webcamView";
+import { PICTURE_PX } from "../../../client/src/look/cutOut";
 import { cutOutPicture, finePicture } from "../../../client/src/recolouring/pictureReader";
 import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
 import type { Light } from "../../../client/src/api/types";
@@ -55,8 +56,8 @@ interface Laid {
 }
 
 /**
- * A person's file and pictures of them, RGBA of `side` px above their mattes, with the packets of their poses; base64.
- * `fine`: the same picture, twice as large.
+ * A person's file and pictures of them as they are sent, RGBA of `side` px, with the packets of their poses; base64.
+ * `fine`: the same picture, `PICTURE_PX` large.
  */
 interface Seen {
   file: string;
@@ -150,7 +151,7 @@ Object.assign(window, {
       if (told?.kind !== "pose" || fine === undefined) throw new Error("a pose and a fine picture were expected");
       colours.see(cutOutPicture(new Uint8ClampedArray(bytes(picture)), side), told.pose, told.lens);
       const changes = colours.changesAt(told.pose.captureTimeMs / 1000);
-      const laid = colours.laidPicture(finePicture(new Uint8ClampedArray(bytes(fine)), 2 * side), webcamView);
+      const laid = colours.laidPicture(finePicture(new Uint8ClampedArray(bytes(fine)), PICTURE_PX), webcamView);
       const packed = (numbers: Uint32Array): string => base64(new Uint8Array(numbers.buffer));
       const { webcam, focalPx } = laid;
       return { changes: packed(changes), detail: packed(laid.detail), places: packed(laid.places), webcam, focalPx };
