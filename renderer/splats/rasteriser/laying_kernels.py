@@ -8,6 +8,9 @@ import numpy as np
 from scene.arrays import Array
 
 _F = np.float32
+WHOLE = 0.7
+"""Share of a pixel that must be seen by the webcam for all of its detail: what shines through from
+behind is not."""
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -26,7 +29,7 @@ def lay(
             seen, alpha = blended[y, x, 2], view[y, x, 3]
             if seen < _F(1.0 / 256.0):
                 continue
-            share = most * min(seen / alpha, _F(1.0))
+            share = most * min(seen / (_F(WHOLE) * alpha), _F(1.0))
             # pixels' centres are at halves
             across = blended[y, x, 0] / seen + step * (_F(x) + _F(0.5)) - _F(0.5)
             down = blended[y, x, 1] / seen + step * (_F(y) + _F(0.5)) - _F(0.5)

@@ -9,6 +9,7 @@ import pytest
 
 from renderer.splats.layout import BOX_FILTER_PX2, MEAN_X, MEAN_Y
 from renderer.splats.rasteriser.laying import Laying
+from renderer.splats.rasteriser.laying_kernels import WHOLE
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from scene.camera import Camera, orbit_camera
@@ -86,7 +87,8 @@ def test_seen_by_the_webcam_itself_every_pixel_is_laid_where_it_came_from():
         # where less than a 256th of a pixel is theirs nothing is laid
         plain = renderer.render(camera, moved).copy()
         share = 1.0 - in_front / np.maximum(plain[..., 3:], 1e-6)
-        expected = plain[..., :3] * (1.0 + share * (detail - 1.0))
+        whole = np.minimum(share / WHOLE, 1.0)
+        expected = plain[..., :3] * (1.0 + whole * (detail - 1.0))
         shown = renderer.render(camera, moved, appearances=looks)
         np.testing.assert_allclose(shown[..., :3], expected, atol=atol)
         np.testing.assert_array_equal(shown[..., 3], plain[..., 3])
