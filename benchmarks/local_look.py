@@ -5,7 +5,7 @@ Of the former pictures a second with and without, and bytes.
 
 In a browser without a graphics card, which shares its processor between drawing, decoding and
 finding the colours; with and without take turns, the former from everybody's second new colours
-on. Each person's pictures are of the bitrate that a page sends, 15 a second; poses and viewpoint
+on. Each person's pictures are of the bitrate that a page sends, 10 a second; poses and viewpoint
 are new for each picture. Bytes on the line are those of frames and poses, and of what SCTP, DTLS,
 UDP and IP put round each packet.
 """
@@ -50,7 +50,7 @@ from services.live.streaming.pose_feed import POSES_PER_SECOND, pose_packets
 
 PEOPLE = (1, 4)
 SPLATS, SIZE = 10_000, 256
-PICTURES_PER_SECOND = 15
+PICTURES_PER_SECOND = 10
 """As client/src/look and client/src/transport/whep.ts have it."""
 _MOMENTS, _SECONDS, _TURNS = 30, 6.0, 3
 _PACKET_BYTES = 1200

@@ -52,7 +52,7 @@ MUST, AIM = {10.0: 0.6, 20.0: 0.7, 40.0: 0.85}, {10.0: 0.3, 20.0: 0.4, 40.0: 0.6
 """LPIPS as a share of that of the model alone, by degrees beside the webcam."""
 MUST_BEHIND, MUST_FLICKER = 1.0, 1.2
 """The same from beyond 75 degrees; flicker as a share of that of the model alone."""
-_FIRST, _EVERY = 12, 8
+_FIRST, _EVERY = 8, 5
 """Pictures before the first that is judged, and from one to the next."""
 
 

@@ -33,8 +33,8 @@ WEBCAM_PX = (640, 480)
 _WEBCAM_TARGET, _WEBCAM_M = (0.0, 1.33, 0.0), 1.1
 _FOCAL = 0.87
 """Of usual webcams, in their pictures' width: what live motion takes them for."""
-PLAYED_HZ, SECONDS = 15.0, 4.0
-"""Pictures that the webcam takes and sends."""
+PLAYED_HZ, SECONDS = 20.0, 4.0
+"""Pictures that the webcam takes, of which it sends every other."""
 _BEFORE_CHEST_M, _ASIDE_M, _ACROSS_M, _UP_M = 0.25, 0.06, 0.15, 0.06
 _ACROSS_S = 4.0
 """From one side of the chest to the other and back."""

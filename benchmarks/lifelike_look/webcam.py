@@ -25,7 +25,7 @@ from services.live.keypoints_packet import KeypointsPacket, decode_keypoints, en
 from services.live.look.receiver import picture_of
 from services.live.motion.live_looks import seen_of
 from services.live.motion.live_motion import LiveMotion
-from services.live.streaming.encoding import Codec, PictureEncoder
+from services.live.streaming.encoding import FRAMES_PER_SECOND, Codec, PictureEncoder
 
 _ROOM_SEED = 3
 _FIRST_MS = 1000.0
@@ -67,7 +67,7 @@ class SyntheticWebcam:
         self._room = room_background(performance.webcam, _ROOM_SEED)
 
     def pictures(self, skeleton: Skeleton) -> Iterator[SeenPicture]:
-        """What comes of the performance for a model of `skeleton`, in order, 15 a second."""
+        """What comes of the performance for a model of `skeleton`, in order, 10 a second."""
         live, cut_out = LiveMotion(skeleton), CutOut()
         coder, decoder = PictureEncoder(Codec.VP8, SPEED), av.CodecContext.create("libvpx", "r")
         for number in range(len(self._performance.motion)):
@@ -84,8 +84,9 @@ class SyntheticWebcam:
                 continue
             sent = VideoFrame.from_ndarray(frame, format="rgb24")
             if not self._given.coding:
+                tick = round(FRAMES_PER_SECOND * number / PLAYED_HZ)
                 packet = coder.encode(
-                    sent.reformat(format="yuv420p"), 2 * number, BITRATE, key=not number
+                    sent.reformat(format="yuv420p"), tick, BITRATE, key=not number
                 )
                 if not packet.size:
                     continue

@@ -1,6 +1,6 @@
 """Live look on real people: the model of one clip, coloured by the frames of another.
 
-The other clip plays as a webcam would send it: cut-out pictures of at most 384 px, 15 a second,
+The other clip plays as a webcam would send it: cut-out pictures of at most 384 px, 10 a second,
 coded by VP8, with poses as captured. Its judged frames are shown at the webcam's own place, by the
 model alone and with live look, both in the pose that the picture was aligned to. At the desk the
 later frames of the clip itself are played, and what comes of them is judged by the other cameras,

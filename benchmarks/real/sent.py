@@ -17,7 +17,7 @@ from services.live.look.keying import lifted, lowered
 from services.live.look.receiver import FRAME_SIZE
 from services.live.streaming.encoding import FRAMES_PER_SECOND, Codec, PictureEncoder
 
-PICTURES_A_SECOND = 15.0
+PICTURES_A_SECOND = 10.0
 _TICKS = round(FRAMES_PER_SECOND / PICTURES_A_SECOND)
 
 

@@ -11,8 +11,8 @@ const MATTE_PX = PICTURE_PX / 2;
 export const LOOK_WIDTH = PICTURE_PX;
 export const LOOK_HEIGHT = PICTURE_PX + CELLS * CELL_PX;
 
-/** Between pictures: fifteen a second are sent, of a camera's thirty every other. */
-const LEAST_MS = 60;
+/** Between pictures: ten a second are sent, of a camera's thirty every third. Each has half as many bits again as of fifteen. */
+const LEAST_MS = 75;
 
 export class CutOut {
   private readonly page = penOf(LOOK_WIDTH, LOOK_HEIGHT);

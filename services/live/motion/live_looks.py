@@ -47,7 +47,7 @@ LOOK_SECONDS = Histogram(
 )
 _DRAWN_S = 1.0
 """Whom nobody has drawn for so long is drawn by no server."""
-_STEP_S = 1.0 / 15.0
+_STEP_S = 0.1
 """Between pictures, about."""
 _MOST_BEHIND_S = 0.3
 """Later pictures are shown with motion that is ahead of them."""
