@@ -73,6 +73,6 @@ async def test_the_track_sends_the_newest_picture_as_the_server_reads_it():
         (decoded,) = decoder.decode(packet)
         got = picture_of(decoded.to_ndarray(format="rgb24"))
         assert got is not None
-        assert got.captured_ms == 66 * number
+        assert got.captured_ms == 100 * number
         inside = got.matte > 250
         assert np.abs(np.median(got.rgb[inside], axis=0) - PERSON).max() < 12
