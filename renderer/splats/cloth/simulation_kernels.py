@@ -11,8 +11,12 @@ import math
 import numba
 import numpy as np
 
-from renderer.splats.cloth.tubes import GRAVITY, ROUNDS
 from scene.arrays import Array
+
+GRAVITY = -9.81
+"""Along y, m/s^2."""
+ROUNDS = 8
+"""Projections of lengths and collisions a step."""
 
 
 @numba.njit(nogil=True, cache=True)

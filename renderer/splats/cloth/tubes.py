@@ -14,10 +14,6 @@ from scene.errors import InvalidInput
 from scene.motion import Motion
 from scene.skeleton import JOINT_NAMES, Skeleton
 
-GRAVITY = -9.81
-"""Along y, m/s^2."""
-ROUNDS = 8
-"""Projections of lengths and collisions a step."""
 STEP_S = 1.0 / 60.0
 """Of the simulation."""
 SETTLING_S = 3.0
