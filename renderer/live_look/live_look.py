@@ -40,6 +40,9 @@ from scene.motion import Pose
 from scene.skeleton import CHEST
 
 _COLOURS = slice(COLOUR, COLOUR + 3)
+_COLOURS_PX = 256
+"""Longest side of the picture that colours are found in: splats are coarser than the pixels of one
+that was sent, and those hold what coding leaves."""
 _STEPS = 2
 """Steps of colours a picture; what is left is made up for in the next ones."""
 _OVERSTEP = 1.7
@@ -119,8 +122,9 @@ class LiveLook:
         """Take the colours of `picture`, with which the model was aligned; returns how its person
         looks then."""
         base = aligned.captured[:, _COLOURS].copy()
-        self._arrange(aligned.captured, picture.camera, aligned.pose)
-        self._find_colours(picture, base)
+        small = picture.resized(min(1.0, _COLOURS_PX / max(picture.matte.shape)))
+        self._arrange(aligned.captured, small.camera, aligned.pose)
+        self._find_colours(small, base)
         self._follow(aligned.pose.time_s, base)
         change = self.change_at(aligned.pose.time_s)
         return LiveAppearance(change, self._laid_picture(picture, aligned, change))
@@ -146,6 +150,7 @@ class LiveLook:
         from renderer.splats.rasteriser.tile_kernels import draw
 
         work = self._work
+        self._arrange(aligned.captured, picture.camera, aligned.pose)
         work.projected[:, RED : BLUE + 1] = self._renderer.changed_colours(
             aligned.captured, [change]
         )
