@@ -242,7 +242,7 @@ def warm_up() -> None:
     look, seen = LiveLook(model), WebcamPicture(picture, luma, camera, rest)
     appearance = look.take_colours(seen, look.align(seen))
     now = replace(performer, appearance=appearance)
-    SceneRenderer().render(Scene(Environment(), (now,)), camera)
+    SceneRenderer().render(Scene(Environment(), (now, now)), camera)
     change = appearance.change
     average_upwards(change, np.zeros(0, np.int32), np.zeros(0, np.float32), len(change))
 

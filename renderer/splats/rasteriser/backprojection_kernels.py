@@ -22,7 +22,7 @@ from renderer.splats.layout import (
     MOST_OPAQUE,
     TILE,
 )
-from renderer.splats.rasteriser.tile_kernels import _blend_tile, _row_span
+from renderer.splats.rasteriser.tile_kernels import _blend_tile, row_span
 from scene.arrays import Array
 
 _F = np.float32
@@ -92,7 +92,7 @@ def _gather_tile(projected, entries, begin, end, left, top, until, state, lanes,
         half_a, half_c = _F(-0.5) * splat[CONIC_A], _F(-0.5) * splat[CONIC_C]
         base = left + _F(0.5) - splat[MEAN_X]
         lanes[:] = 0.0
-        first, last = _row_span(splat, top)
+        first, last = row_span(splat, top)
         for row in range(first, last):
             if e >= until[row]:
                 continue

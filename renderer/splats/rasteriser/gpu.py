@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, OPACITY, POSITION, TILE
-from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
+from renderer.splats.rasteriser.renderer import Geometry, LaidOnModel, SplatRenderer
 from renderer.splats.rasteriser.workspace import pack_camera
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float, Tensor
@@ -77,6 +77,7 @@ class GpuSplatRenderer(SplatRenderer):
         moved: Float[Array, "K 4 4"],
         camera: Camera,
         colours: Float[Array, "N 3"] | None = None,
+        layings: Many[LaidOnModel] = (),
     ) -> Float[Array, "H W 4"]:
         lit = colours is not None or parameters is not self._parameters
         if lit or self._lit_once:
@@ -92,7 +93,9 @@ class GpuSplatRenderer(SplatRenderer):
         buffers.busy_on_host.copy_(buffers.busy, non_blocking=True)
         if self._device.type == "cuda":
             torch.cuda.current_stream(self._device).synchronize()
-        return buffers.host.numpy()
+        view = buffers.host.numpy()
+        self._lay(layings, view)
+        return view
 
     def _apply_expressions_on_device(self) -> None:
         shown = torch.from_numpy(self._blend_shapes.shown).to(self._device)[self._device_owner]

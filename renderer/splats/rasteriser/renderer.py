@@ -27,7 +27,7 @@ from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float
 from scene.camera import Camera
 from scene.lighting import Lighting
-from scene.live_appearance import LiveAppearance
+from scene.live_appearance import LaidPicture, LiveAppearance
 from scene.skeleton import CHEST
 
 _COLOURS = slice(COLOUR, COLOUR + 3)
@@ -35,6 +35,16 @@ _MEAN = np.full(3, 1.0 / 3.0, np.float32)
 _DARK, _MOST_GAIN = 0.02, 2.0
 """sRGB below which a colour tells nothing about light, and by how much a room's light enlarges a
 live change at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaidOnModel:
+    """A picture that is laid on one of the models."""
+
+    rows: slice
+    """Of all splats, the model's."""
+    laid: LaidPicture
+    laying: Laying
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +113,8 @@ class SplatRenderer:
         colours = None
         if appearances is not None and any(appearances):
             colours = self.changed_colours(shown, [one and one.change for one in appearances])
-        picture = self._rasterise(shown, moved, camera, colours)
-        if colours is not None and appearances is not None:
-            self._lay(appearances, transforms, camera, picture)
-        return picture
+        layings = self._layings(appearances or [], transforms, camera)
+        return self._rasterise(shown, moved, camera, colours, layings)
 
     def draw_only(self, drawn: Bool[Array, "N"]) -> None:
         """Draw these of all models' splats from now on: those of one level of each."""
@@ -158,29 +166,38 @@ class SplatRenderer:
             np.clip(colours[rows] + gain[:, None] * change, 0.0, 1.0, out=colours[rows])
         return colours
 
-    def _lay(
+    def _layings(
         self,
         appearances: Many[LiveAppearance | None],
         transforms: Many[Float[Array, "K 4 4"]],
         camera: Camera,
-        view: Float[Array, "H W 4"],
-    ) -> None:
-        """Lay their webcams' pictures on the people of `view`, which was drawn last."""
-        from renderer.splats.rasteriser.laying_kernels import lay
-
-        start = 0
-        for model, one, moved in zip(self._models, appearances, transforms, strict=True):
+    ) -> list[LaidOnModel]:
+        """What is laid on whom in a view."""
+        start, found = 0, list[LaidOnModel]()
+        for model, one, moved in zip(self._models, appearances, transforms, strict=False):
             rows = slice(start, start + len(model.parameters))
             start = rows.stop
             if one is None or (laid := one.laid_picture) is None:
                 continue
             chest = model.skeleton.rest_joints[CHEST]
             laying = Laying.seen_by(laid, camera, moved[CHEST], chest)
-            if laying.strength == 0.0:
-                continue
-            values = np.zeros((len(self._parameters), 3), np.float32)
-            values[rows] = values_to_blend(laid, self._means()[rows], laying.scale)
-            lay(view, self._blend_in_view(values), laid.detail, laying.scale, laying.strength)
+            if laying.strength > 0.0:
+                found.append(LaidOnModel(rows, laid, laying))
+        return found
+
+    def _lay(self, layings: Many[LaidOnModel], view: Float[Array, "H W 4"]) -> None:
+        """Lay their webcams' pictures on the people of `view`, which was drawn last."""
+        from renderer.splats.rasteriser.laying_kernels import lay
+
+        for one in layings:
+            blended = self._blend_in_view(self._values_of(one))
+            lay(view, blended, one.laid.detail, one.laying.scale, one.laying.strength)
+
+    def _values_of(self, one: LaidOnModel) -> Float[Array, "N 3"]:
+        """What all models' splats blend to lay one picture."""
+        values = np.zeros((len(self._parameters), 3), np.float32)
+        values[one.rows] = values_to_blend(one.laid, self._means()[one.rows], one.laying.scale)
+        return values
 
     def _means(self) -> Float[Array, "N 2"]:
         """Where the splats' centres are in the last picture, px; of those that are not in it,
@@ -205,11 +222,13 @@ class SplatRenderer:
         moved: Float[Array, "K 4 4"],
         camera: Camera,
         colours: Float[Array, "N 3"] | None = None,
+        layings: Many[LaidOnModel] = (),
     ) -> Float[Array, "H W 4"]:
         """The picture of splats with these `parameters`, skinned by `moved`; with `colours` in
-        place of theirs."""
+        place of theirs, and with pictures laid on."""
         import numba
 
+        from renderer.splats.rasteriser.laying_kernels import draw_and_lay
         from renderer.splats.rasteriser.tile_kernels import draw
 
         if self._out.shape[:2] != (camera.height, camera.width):
@@ -227,7 +246,15 @@ class SplatRenderer:
         )
         if colours is not None:
             work.projected[:, RED : BLUE + 1] = colours
-        draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
+        lists, threads = (work.projected, work.starts, work.entries), numba.get_num_threads()
+        if not layings:
+            draw(*lists, threads, self._out)
+            return self._out
+        first, *others = layings
+        scale, strength = first.laying.scale, first.laying.strength
+        values = self._values_of(first)
+        draw_and_lay(*lists, values, first.laid.detail, scale, strength, threads, self._out)
+        self._lay(others, self._out)
         return self._out
 
     def geometry(self, transforms: Many[Float[Array, "K 4 4"]]) -> Geometry:

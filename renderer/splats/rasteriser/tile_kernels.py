@@ -35,7 +35,7 @@ from scene.arrays import Array
 _F = np.float32
 _U = np.uint64
 """An index that can't be negative: loads and stores stay in vectors."""
-_FARTHEST = -40.0
+FARTHEST = -40.0
 """Exponent that no pixel falls below: products of what is fainter are subnormal numbers, by which
 drawing takes 1.4 times as long on an EPYC, and the way back twice."""
 _DEPTH_BINS = 4096
@@ -97,7 +97,7 @@ def fill_entries(
 
 
 @numba.njit(inline="always", fastmath=True)
-def _row_span(splat, top):
+def row_span(splat, top):
     """First and past-last row of the tile that has a pixel the splat can be seen in."""
     middle, half = splat[MEAN_Y] - top + _F(0.5), splat[HALF_HEIGHT]
     first = min(max(middle - half, _F(0.0)), _F(TILE))
@@ -122,7 +122,7 @@ def _blend_tile(projected, entries, start, stop, left, top, sums, until):
         b, opacity = splat[CONIC_B], splat[ALPHA]
         half_a, half_c = _F(-0.5) * splat[CONIC_A], _F(-0.5) * splat[CONIC_C]
         base = left + _F(0.5) - splat[MEAN_X]
-        first, last = _row_span(splat, top)
+        first, last = row_span(splat, top)
         for row in range(first, last):
             if e >= until[row]:
                 continue
@@ -131,20 +131,20 @@ def _blend_tile(projected, entries, start, stop, left, top, sums, until):
             line = sums[row]
             for x in range(TILE):
                 dx = base + _F(x)
-                power = max(min(fall + dx * (slope + half_a * dx), _F(0.0)), _F(_FARTHEST))
+                power = max(min(fall + dx * (slope + half_a * dx), _F(0.0)), _F(FARTHEST))
                 alpha = min(opacity * exp_falling(power), _F(MOST_OPAQUE))
                 weight = alpha * line[_U(x)]
                 line[_U(x)] -= weight
                 line[_U(x + TILE)] += weight * red
                 line[_U(x + 2 * TILE)] += weight * green
                 line[_U(x + 3 * TILE)] += weight * blue
-        if (e - start) & 15 == 15 and not _find_saturated_rows(sums, until, e + 1):
+        if (e - start) & 15 == 15 and not find_saturated_rows(sums, until, e + 1):
             return e + 1
     return stop
 
 
 @numba.njit(inline="always", fastmath=True)
-def _find_saturated_rows(sums, until, now):
+def find_saturated_rows(sums, until, now):
     """Note which rows let no more light through; returns whether any does."""
     some = False
     for row in range(TILE):
@@ -282,7 +282,7 @@ def _differentiate_tile(projected, entries, begin, end, left, top, until, state,
         half_a, half_c = _F(-0.5) * a, _F(-0.5) * c
         base = left + _F(0.5) - splat[MEAN_X]
         lanes[:] = 0.0
-        first, last = _row_span(splat, top)
+        first, last = row_span(splat, top)
         for row in range(first, last):
             if e >= until[row]:
                 continue
@@ -291,7 +291,7 @@ def _differentiate_tile(projected, entries, begin, end, left, top, until, state,
             line = state[row]
             for x in range(TILE):
                 dx = base + _F(x)
-                power = max(min(fall + dx * (slope + half_a * dx), _F(0.0)), _F(_FARTHEST))
+                power = max(min(fall + dx * (slope + half_a * dx), _F(0.0)), _F(FARTHEST))
                 alpha = min(opacity * exp_falling(power), _F(MOST_OPAQUE))
                 t = line[_U(x)]
                 weight = alpha * t

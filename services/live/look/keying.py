@@ -6,6 +6,7 @@ edges. The page's twins are client/src/look/cutOut.ts and client/src/recolouring
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from scene.arrays import Array, Float, UInt8
@@ -15,8 +16,10 @@ LIFT = 36
 _BLACK, _PERSON = 12, 28
 """Luma that counts as none of the person, and as nothing else: coding leaves some noise on
 black."""
-_LUMA = np.array([0.299, 0.587, 0.114], np.float32)
-"""BT.601."""
+_LEVELS = np.arange(256, dtype=np.float32)
+_LOWERED = (np.clip((_LEVELS - LIFT) / (1.0 - LIFT / 255.0), 0.0, 255.0) + 0.5).astype(np.uint8)
+_MATTE = (255.0 * np.clip((_LEVELS - _BLACK) / (_PERSON - _BLACK), 0.0, 1.0) + 0.5).astype(np.uint8)
+"""Of each level, and of each luma."""
 
 
 def lifted(rgb: UInt8[Array, "H W 3"], kept: Float[Array, "H W"]) -> UInt8[Array, "H W 3"]:
@@ -27,7 +30,6 @@ def lifted(rgb: UInt8[Array, "H W 3"], kept: Float[Array, "H W"]) -> UInt8[Array
 
 def lowered(sent: UInt8[Array, "H W 3"]) -> tuple[UInt8[Array, "H W 3"], UInt8[Array, "H W"]]:
     """The person's colours, and their matte."""
-    levels = sent.astype(np.float32)
-    matte = np.clip((levels @ _LUMA - _BLACK) / (_PERSON - _BLACK), 0.0, 1.0)
-    rgb = np.clip((levels - LIFT) / (1.0 - LIFT / 255.0), 0.0, 255.0)
-    return (rgb + 0.5).astype(np.uint8), (255.0 * matte + 0.5).astype(np.uint8)
+    # BT.601
+    luma = np.asarray(cv2.cvtColor(np.ascontiguousarray(sent), cv2.COLOR_RGB2GRAY), np.uint8)
+    return _LOWERED[sent], _MATTE[luma]
