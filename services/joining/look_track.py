@@ -11,7 +11,7 @@ from av import Packet, VideoFrame
 from scene.arrays import Array, UInt8
 from services.live.streaming.encoding import FRAMES_PER_SECOND, Codec, PictureEncoder
 
-BITRATE, SPEED = 240_000, 6
+BITRATE, SPEED = 225_000, 6
 """bit/s, as pages send at most, and how fast VP8 is coded, as browsers do."""
 
 

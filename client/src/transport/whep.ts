@@ -46,7 +46,7 @@ const DISCONNECTED_MS = 2500;
 
 /** Pictures of oneself leave as few bits as they can, and give way to all else. */
 const LOOK_ENCODING: RTCRtpEncodingParameters = {
-  maxBitrate: 240_000,
+  maxBitrate: 225_000,
   maxFramerate: 15,
   priority: "very-low",
   networkPriority: "very-low",

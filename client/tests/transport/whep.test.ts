@@ -183,7 +183,7 @@ describe("WhepConnection", () => {
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     expect(peers[0]?.look).toMatchObject({ track: null, parameters: { degradationPreference: "maintain-resolution" } });
-    expect(peers[0]?.lookEncodings).toMatchObject([{ maxBitrate: 240_000, maxFramerate: 15, priority: "very-low" }]);
+    expect(peers[0]?.lookEncodings).toMatchObject([{ maxBitrate: 225_000, maxFramerate: 15, priority: "very-low" }]);
     const track = {} as MediaStreamTrack;
     link.setLookTrack(track);
     expect(peers[0]?.look.track).toBe(track);

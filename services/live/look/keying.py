@@ -32,4 +32,5 @@ def lowered(sent: UInt8[Array, "H W 3"]) -> tuple[UInt8[Array, "H W 3"], UInt8[A
     """The person's colours, and their matte."""
     # BT.601
     luma = np.asarray(cv2.cvtColor(np.ascontiguousarray(sent), cv2.COLOR_RGB2GRAY), np.uint8)
-    return _LOWERED[sent], _MATTE[luma]
+    rgb, matte = cv2.LUT(sent, _LOWERED), cv2.LUT(luma, _MATTE)
+    return np.asarray(rgb, np.uint8), np.asarray(matte, np.uint8)
