@@ -10,7 +10,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderer.exp_kernels import exp_falling
 from renderer.splats.layout import (
     ALPHA,
     CONIC_A,
@@ -19,15 +18,13 @@ from renderer.splats.layout import (
     GATHERED,
     MEAN_X,
     MEAN_Y,
-    MOST_OPAQUE,
     TILE,
 )
-from renderer.splats.rasteriser.tile_kernels import _blend_tile, row_span
+from renderer.splats.rasteriser.tile_kernels import _blend_tile, alpha_at, row_span
 from scene.arrays import Array
 
 _F = np.float32
 _U = np.uint64
-_FARTHEST = -40.0
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -101,8 +98,7 @@ def _gather_tile(projected, entries, begin, end, left, top, until, state, lanes,
             line = state[row]
             for x in range(TILE):
                 dx = base + _F(x)
-                power = max(min(fall + dx * (slope + half_a * dx), _F(0.0)), _F(_FARTHEST))
-                alpha = min(opacity * exp_falling(power), _F(MOST_OPAQUE))
+                alpha = alpha_at(dx, opacity, fall, slope, half_a)
                 weight = alpha * line[_U(x)]
                 line[_U(x)] -= weight
                 lanes[_U(x)] += weight * line[_U(x + TILE)]

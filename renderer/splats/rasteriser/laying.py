@@ -47,8 +47,9 @@ class Laying:
         cosine = to_webcam @ to_view / max(from_webcam_m * from_view_m, 1e-9)
         angle_rad = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
         beside = min(max((angle_rad - _FULL_RAD) / (_GONE_RAD - _FULL_RAD), 0.0), 1.0)
-        scale = laid.focal_px / from_webcam_m / (camera.intrinsics[0, 0] / from_view_m)
-        return cls(1.0 - beside * beside * (3.0 - 2.0 * beside), float(scale))
+        focal_px = float(camera.intrinsics[0, 0])
+        scale = laid.focal_px * from_view_m / max(focal_px * from_webcam_m, 1e-9)
+        return cls(1.0 - beside * beside * (3.0 - 2.0 * beside), scale)
 
 
 def values_to_blend(

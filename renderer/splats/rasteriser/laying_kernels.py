@@ -5,7 +5,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from renderer.exp_kernels import exp_falling
 from renderer.splats.layout import (
     ALPHA,
     BLUE,
@@ -15,11 +14,10 @@ from renderer.splats.layout import (
     GREEN,
     MEAN_X,
     MEAN_Y,
-    MOST_OPAQUE,
     RED,
     TILE,
 )
-from renderer.splats.rasteriser.tile_kernels import FARTHEST, find_saturated_rows, row_span
+from renderer.splats.rasteriser.tile_kernels import alpha_at, find_saturated_rows, row_span
 from scene.arrays import Array
 
 _F = np.float32
@@ -135,8 +133,7 @@ def _blend_tile(projected, entries, values, start, stop, left, top, sums, until)
             line = sums[row]
             for x in range(TILE):
                 dx = base + _F(x)
-                power = max(min(fall + dx * (slope + half_a * dx), _F(0.0)), _F(FARTHEST))
-                alpha = min(opacity * exp_falling(power), _F(MOST_OPAQUE))
+                alpha = alpha_at(dx, opacity, fall, slope, half_a)
                 weight = alpha * line[_U(x)]
                 line[_U(x)] -= weight
                 line[_U(x + TILE)] += weight * red
