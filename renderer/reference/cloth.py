@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.splats.cloth.simulation_kernels import GRAVITY, ROUNDS
+from renderer.splats.cloth.constants import GRAVITY, ROUNDS
 from renderer.splats.cloth.tubes import STEP_S, Tubes
 from scene.arrays import Array, Float
 

@@ -11,12 +11,8 @@ import math
 import numba
 import numpy as np
 
+from renderer.splats.cloth.constants import GRAVITY, ROUNDS
 from scene.arrays import Array
-
-GRAVITY = -9.81
-"""Along y, m/s^2."""
-ROUNDS = 8
-"""Projections of lengths and collisions a step."""
 
 
 @numba.njit(nogil=True, cache=True)
