@@ -3,6 +3,7 @@
 Frames from one side show the volume of hair in outlines: how far these lie off the skin, all round
 the head. Sides that no frame shows are given what the outlines next to them, and those opposite,
 have at that height. What stands off the neck counts as hair where it has another colour than skin.
+Hair that covers a part of the neck hangs straight down; shorter hair follows the skull.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from renderer.splats.training.views import View
 from scene.arrays import Array, Bool, Float, Int
 from scene.skeleton import HEAD, JOINT_NAMES, Skeleton
 
-_SCALP, _FACE, _TRUNK = (KINDS.index(kind) for kind in ("scalp", "face", "trunk"))
+_SCALP, _FACE, _TRUNK, _THROAT = (KINDS.index(kind) for kind in ("scalp", "face", "trunk", "neck"))
 _NECK = JOINT_NAMES.index("neck")
 _RIM = 0.25
 """Cosine between surface and view below which a splat lies on the head's outline."""
@@ -48,6 +49,8 @@ _GUESS = 0.02
 """Weight of that guess, against the difference from a neighbour."""
 _BACKWARD = -0.5
 """Along the head's depth: from here on hair hangs from the back of the skull, not from its side."""
+_LONG = 0.1
+"""Share of the neck that hair covers, from which it hangs."""
 _SMOOTHING_ROUNDS = 12
 
 
@@ -162,6 +165,16 @@ class _Outlines:
         self.colours.append(colours)
 
 
+def is_long(covered: Bool[Array, "N"], kinds: Int[Array, "N"]) -> bool:
+    """Whether hair that covers `covered` hangs over the neck.
+
+    Args:
+        kinds: index into `KINDS`, as of `surface_kinds`.
+    """
+    over_neck = covered[kinds == _THROAT]
+    return bool(over_neck.any() and over_neck.mean() > _LONG)
+
+
 def hair_of_unseen_sides(
     frames: Iterable[tuple[View, Float[Array, "K 4 4"]]],
     surface: Float[Array, "N P"],
@@ -193,7 +206,8 @@ def hair_of_unseen_sides(
     covered &= (outlines.faced < _FACING) & (distances > 0.0)
     if not covered.any():
         return none
-    moves = _hanging(head, joint, distances, covered, share > 0.5)
+    hangs = (share > 0.5) & is_long(covered, head.kinds)
+    moves = _hanging(head, joint, distances, covered, hangs)
     rows = head.splats[covered]
     none.covered[rows] = True
     none.moves[rows] = moves
@@ -257,10 +271,10 @@ def _hanging(
     joint: Float[Array, "3"],
     distances: Float[Array, "H"],
     covered: Bool[Array, "H"],
-    hairy: Bool[Array, "H"],
+    hangs: Bool[Array, "H"],
 ) -> Float[Array, "C 3"]:
     """How the `covered` splats move: `distances` off the skin; and below where the skull is widest,
-    where there is hair, straight down from it."""
+    where hair `hangs`, straight down from it."""
     from scipy.spatial import KDTree
 
     rest = head.rest.astype(np.float64)
@@ -275,7 +289,7 @@ def _hanging(
     near = KDTree(outward[skull]).query(outward, k=min(_NEAREST, len(reaches)))[1]
     near = near.reshape(len(rest), -1)
     widest = np.take_along_axis(near, reaches[near].argmax(axis=1)[:, None], axis=1)[:, 0]
-    below = hairy & (rest[:, 1] < rest[skull][widest, 1]) & (outward[:, 2] < _BACKWARD)
+    below = hangs & (rest[:, 1] < rest[skull][widest, 1]) & (outward[:, 2] < _BACKWARD)
     straight = np.maximum(reaches[widest] - radii, 0.0)[:, None] * outward
     return np.where(below[:, None], straight, moved)[covered]
 

@@ -103,6 +103,15 @@ def test_hair_hangs_no_farther_out_than_it_stands_on_the_skull():
     assert moved[neck].max() < moved[skull].max() + 0.002
 
 
+def test_short_hair_follows_the_skull():
+    _, _, kinds = bald_head()
+    low = back_of(SCALP) & ~back_of(SCALP, 0.0)
+    for worn, least, most in ((kinds == SCALP, 0.0, 0.022), (curtain(), 0.026, 0.1)):
+        hair = found(0.02, worn)
+        off = stands_off(hair, low & hair.covered)
+        assert least < np.median(off) < most, (np.median(off), most)
+
+
 def test_faces_and_what_frames_show_stay():
     _, first, kinds = bald_head()
     hair = found(0.03, curtain())

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
 from renderer.splats.model import SplatModel
@@ -42,6 +43,13 @@ def uncovered(model: SplatModel) -> Bool[np.ndarray, "N"]:
     return np.zeros(len(model), bool)
 
 
+def neck_of(model: SplatModel) -> Bool[np.ndarray, "N"]:
+    """What long hair covers."""
+    rest = model.parameters[:, PLACE]
+    kinds = surface_kinds(rest, model.joints, model.weights, model.skeleton)
+    return kinds == KINDS.index("neck")
+
+
 def strands_of(model: SplatModel, count: int) -> Float[np.ndarray, "S P"]:
     """What was laid in the place of `count` splats: the last rows."""
     return model.parameters[len(model) - 6 * count :]
@@ -58,7 +66,7 @@ def test_strands_lie_side_by_side_along_the_way_hair_falls():
     assert not drawn.seen[(~hair).sum() :].any()
     strands = strands_of(drawn, hair.sum())
     sizes, turns = strands[:, LOG_SCALE : LOG_SCALE + 3], strands[:, ROTATION : ROTATION + 4]
-    assert (sizes[:, 1] - sizes[:, 0]).min() > 1.0, "three times as long as wide"
+    assert (sizes[:, 1] - sizes[:, 0]).min() > np.log(2.0), "twice as long as wide"
     axes = quaternion_to_matrix(turns.astype(np.float64))
     behind = np.abs(axes[:, 2, 2]) > 0.7
     assert np.abs(axes[behind, 1, 1]).min() > 0.6, "downwards behind"
@@ -70,15 +78,18 @@ def test_strands_lie_side_by_side_along_the_way_hair_falls():
 @pytest.mark.parametrize("contrast", [0.05, 0.2])
 def test_tones_vary_as_those_of_hair_that_frames_show(contrast: float):
     model, scalp = somebody(contrast)
-    count = int((scalp & ~model.seen).sum())
-    tones = strands_of(with_strands(model, uncovered(model)), count)[:, COLOUR] / 0.4
+    covered = neck_of(model)
+    count = int(((scalp | covered) & ~model.seen).sum())
+    tones = strands_of(with_strands(model, covered), count)[:, COLOUR] / 0.4
     assert abs(tones.mean() - 1.0) < 0.02
     assert contrast < tones.std() < 2.0 * contrast
 
 
 def test_tones_go_on_down_the_head_and_change_across_it():
     model, scalp = somebody()
-    strands = strands_of(with_strands(model, uncovered(model)), int((scalp & ~model.seen).sum()))
+    covered = neck_of(model)
+    hair = (scalp | covered) & ~model.seen
+    strands = strands_of(with_strands(model, covered), int(hair.sum()))
     place = strands[:, PLACE] - model.skeleton.rest_joints[HEAD]
     tones = strands[:, COLOUR]
     apart = place[:, None] - place[None]
@@ -94,6 +105,22 @@ def test_tones_go_on_down_the_head_and_change_across_it():
     assert differences(below) < 0.9 * differences(beside)
 
 
+def test_long_hair_has_locks_and_short_hair_none():
+    model, scalp = somebody()
+    neck, hair = neck_of(model), scalp & ~model.seen
+
+    def locks(covered: Bool[np.ndarray, "N"]) -> float:
+        """How much of what tones differ is left in their means over a centimetre."""
+        count = int((hair | (covered & ~model.seen)).sum())
+        strands = strands_of(with_strands(model, covered), count)
+        behind = strands[:, POSITION + 2] < model.skeleton.rest_joints[HEAD][2] - 0.05
+        tones, place = strands[behind, COLOUR], strands[behind, PLACE]
+        near = KDTree(place).query_ball_point(place, 0.01)
+        return float(np.std([tones[one].mean() for one in near]) / tones.std())
+
+    assert locks(neck) > 1.3 * locks(uncovered(model))
+
+
 def test_hair_without_contrast_and_strands_stay_as_they_are():
     plain, _ = somebody(contrast=0.0)
     assert with_strands(plain, uncovered(plain)) is plain
@@ -106,9 +133,7 @@ def test_hair_without_contrast_and_strands_stay_as_they_are():
 
 def test_what_hair_covers_becomes_hair_too_and_what_was_seen_does_not():
     model, scalp = somebody()
-    neck = surface_kinds(
-        model.parameters[:, PLACE], model.joints, model.weights, model.skeleton
-    ) == KINDS.index("neck")
+    neck = neck_of(model)
     count = int(((scalp | neck) & ~model.seen).sum())
     assert len(with_strands(model, neck)) == len(model) + 5 * count
 
