@@ -13,6 +13,7 @@ from pathlib import Path
 import jaxtyping
 import pytest
 import torch
+from hypothesis import settings
 
 import tests.annotations  # noqa: F401  (the hook finds its checker by this name)
 from tests.servers import SERVER_FIXTURES
@@ -42,6 +43,10 @@ def _checked_modules() -> list[str]:
 
 jaxtyping.install_import_hook(_checked_modules(), "tests.annotations.typecheck")
 
+
+# an example takes as long as the machine is busy
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 _SLOW = frozenset(Path(__file__).with_name("slow.txt").read_text().split())
 

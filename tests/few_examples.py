@@ -9,7 +9,6 @@ FEW = settings(
     max_examples=150,
     derandomize=True,
     database=None,
-    deadline=None,
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[HealthCheck.too_slow],
 )

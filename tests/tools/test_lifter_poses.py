@@ -13,7 +13,7 @@ from tools.lifter_poses import random_pose
 FEET = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_nobody_floats_sinks_or_breaks_a_knee(seed):
     skeleton = body().skeleton

@@ -3,13 +3,13 @@
 Frames from one side show the volume of hair in outlines: how far these lie off the skin, all round
 the head. Sides that no frame shows are given what the outlines next to them, and those opposite,
 have at that height. What stands off the neck counts as hair where it has another colour than skin.
-Hair that covers a part of the neck hangs straight down; shorter hair follows the skull.
+Hair that hangs beside the face hangs straight down behind, too; shorter hair follows the skull.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -49,8 +49,9 @@ _GUESS = 0.02
 """Weight of that guess, against the difference from a neighbour."""
 _BACKWARD = -0.5
 """Along the head's depth: from here on hair hangs from the back of the skull, not from its side."""
-_LONG = 0.1
-"""Share of the neck that hair covers, from which it hangs."""
+_LONG = 0.65
+"""Share of the sides of the face that have hair beside them, from which hair hangs: a bob has 0.9
+and more, a man's short hair 0.4 and less."""
 _SMOOTHING_ROUNDS = 12
 
 
@@ -63,10 +64,12 @@ class Hair:
     """From the body's surface, at rest, m; nil where nothing is covered."""
     growth: Float[Array, "N"]
     """Of the splats' sizes, logarithm: as many of them now lie on a larger surface."""
+    long: bool = False
+    """Whether it hangs."""
 
     def taken(self, splats: Int[Array, "K"]) -> Hair:
         """Over those `splats`, in this order."""
-        return Hair(self.covered[splats], self.moves[splats], self.growth[splats])
+        return Hair(self.covered[splats], self.moves[splats], self.growth[splats], self.long)
 
     @classmethod
     def none(cls, count: int) -> Hair:
@@ -165,16 +168,6 @@ class _Outlines:
         self.colours.append(colours)
 
 
-def is_long(covered: Bool[Array, "N"], kinds: Int[Array, "N"]) -> bool:
-    """Whether hair that covers `covered` hangs over the neck.
-
-    Args:
-        kinds: index into `KINDS`, as of `surface_kinds`.
-    """
-    over_neck = covered[kinds == _THROAT]
-    return bool(over_neck.any() and over_neck.mean() > _LONG)
-
-
 def hair_of_unseen_sides(
     frames: Iterable[tuple[View, Float[Array, "K 4 4"]]],
     surface: Float[Array, "N P"],
@@ -206,14 +199,15 @@ def hair_of_unseen_sides(
     covered &= (outlines.faced < _FACING) & (distances > 0.0)
     if not covered.any():
         return none
-    hangs = (share > 0.5) & is_long(covered, head.kinds)
-    moves = _hanging(head, joint, distances, covered, hangs)
+    beside_face = share[head.kinds == _FACE] > 0.5
+    long = bool(len(beside_face) and beside_face.mean() > _LONG)
+    moves = _hanging(head, joint, distances, covered, (share > 0.5) & long)
     rows = head.splats[covered]
     none.covered[rows] = True
     none.moves[rows] = moves
     radii = np.linalg.norm(head.rest[covered] - joint, axis=1)
     none.growth[rows] = np.log1p(np.linalg.norm(moves, axis=1) / np.maximum(radii, 1e-6))
-    return none
+    return replace(none, long=long)
 
 
 def _spread(outlines: _Outlines, skeleton: Skeleton) -> tuple[Float[Array, "H"], Float[Array, "H"]]:

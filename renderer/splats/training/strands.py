@@ -14,10 +14,10 @@ import numpy as np
 from renderer.splats.expressions import moving_rows
 from renderer.splats.layout import COLOUR, LOG_SCALE, POSITION, ROTATION
 from renderer.splats.model import SplatModel
-from renderer.splats.training.hair import is_long
+from renderer.splats.training.hair import Hair
 from renderer.splats.training.neighbours import mean_of_neighbours
 from renderer.splats.training.surface_kinds import KINDS, surface_kinds
-from scene.arrays import Array, Bool, Float
+from scene.arrays import Array, Float
 from scene.rotations import matrix_to_quaternion, quaternion_to_matrix
 from scene.skeleton import HEAD
 
@@ -64,19 +64,19 @@ _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
 _TURN, _SIZE = slice(ROTATION, ROTATION + 4), slice(LOG_SCALE, LOG_SCALE + 2)
 
 
-def with_strands(model: SplatModel, covered: Bool[Array, "N"]) -> SplatModel:
+def with_strands(model: SplatModel, hair: Hair) -> SplatModel:
     """`model` with strands in the place of wide splats that no frame shows: those of the scalp, and
-    those `covered` by hair. The same model gets the same strands."""
+    those that `hair` covers. The same model gets the same strands."""
     rest = model.parameters[:, _PLACE]
-    kinds = surface_kinds(rest, model.joints, model.weights, model.skeleton)
-    scalp, cut = kinds == _SCALP, _LONG if is_long(covered, kinds) else _SHORT
+    scalp = surface_kinds(rest, model.joints, model.weights, model.skeleton) == _SCALP
+    cut = _LONG if hair.long else _SHORT
     wide = np.exp(model.parameters[:, _SIZE].min(axis=1)) > _WIDE_M
-    hair = ~model.seen & wide & (scalp | covered)
+    guessed = ~model.seen & wide & (scalp | hair.covered)
     contrast = cut.contrast * _contrast(model.parameters[scalp & model.seen])
-    if contrast == 0.0 or not hair.any():
+    if contrast == 0.0 or not guessed.any():
         return model
     chance = np.random.default_rng(0)
-    kept, rows = np.flatnonzero(~hair), np.flatnonzero(hair)
+    kept, rows = np.flatnonzero(~guessed), np.flatnonzero(guessed)
     origins = np.concatenate([kept, np.repeat(rows, _STRANDS)])
     parameters, strands = model.parameters[origins], slice(len(kept), None)
     joint = model.skeleton.rest_joints[HEAD]

@@ -33,6 +33,7 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
+from renderer.splats.training.hair import Hair
 from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
 from renderer.splats.training.loose_clothes import ClipCloth, with_splats_on_cloth
 from renderer.splats.training.merging import Grouping
@@ -75,7 +76,7 @@ class SplatTrainer:
         self._find_light = find_light
         self._found: Evidence | None = None
         self._held = np.zeros(0, bool)
-        self._covered = np.zeros(0, bool)
+        self._hair = Hair.none(0)
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
         self._looks = StepViews(filmed, sequence, settings)
@@ -258,7 +259,7 @@ class SplatTrainer:
             self._resizing.refine(planned, split)
             self._resize(lambda surface: planned.parameters(split, filled, surface))
         self.splats.raise_hair(hair)
-        self._covered = hair.covered
+        self._hair = hair
         if self._estimated and self._sequence.body.has_surface:
             self.splats.span_hollows(self._found.seen)
         self._held = held_colours(self._found, self.splats.kinds, self.splats.first.normals)
@@ -398,7 +399,7 @@ class SplatTrainer:
         seen_share = round(float(seen.mean()), 4)
         model = self._model(parameters, seen, {**metrics, "seen_share": seen_share})
         if self._found is not None and self.adds_sides:
-            model = with_strands(model, self._covered)
+            model = with_strands(model, self._hair)
         return replace(model, metrics={**model.metrics, "splats": len(model)})
 
     def _model(

@@ -39,7 +39,7 @@ def seen_clip(hand: PartLandmarks, *, agreed: bool = True) -> ClipParts:
     return ClipParts([None], ([FoundHand(hand, agreed)], [None]))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(ANGLES)
 def test_a_palm_before_the_camera_is_turned_as_it_is(angles):
     rotation = axis_angle_to_matrix(angles)
@@ -90,7 +90,7 @@ def test_points_of_the_head_and_palms_mirror_each_other():
     assert at[133][2] > at[127][2]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(ANGLES, st.floats(0.1, 500.0))
 def test_the_best_rotation_is_the_same_at_every_scale(angles, scale):
     rotation, points = axis_angle_to_matrix(angles), rest_points("head")

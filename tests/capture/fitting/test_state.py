@@ -81,7 +81,7 @@ def test_the_root_turns_from_where_it_started(start):
     np.testing.assert_allclose(turned, start.root_rotations @ own, atol=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**16))
 def test_poses_come_back_as_they_were_set(seed):
     rng = np.random.default_rng(seed)

@@ -103,7 +103,6 @@ def test_no_route_fails_whatever_it_is_sent(
             max_examples=EXAMPLES * len(modes),
             derandomize=True,
             database=None,
-            deadline=None,
             phases=[Phase.generate],
             suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
         )

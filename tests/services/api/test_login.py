@@ -251,7 +251,7 @@ def test_whatever_comes_back_no_route_fails(services):
         state, ticket = runner.run(begin())
         cookies = [ticket, ticket[:-2], "", "a.b.c", "x" * 3000]
 
-        @hypothesis.settings(max_examples=60, derandomize=True, database=None, deadline=None)
+        @hypothesis.settings(max_examples=60, derandomize=True, database=None)
         @given(
             query=asked,
             ours=st.booleans(),

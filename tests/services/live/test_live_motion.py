@@ -199,7 +199,7 @@ def test_it_tells_how_old_the_newest_picture_was(waving):
 
 
 @given(st.binary(min_size=KEYPOINTS_BYTES - 20, max_size=KEYPOINTS_BYTES - 20))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_any_landmarks_give_a_pose_or_are_refused(noise):
     live = LiveMotion(body().skeleton)
     head = encode_keypoints(seen(standing(1).pose(0), 1))[:20]
@@ -214,7 +214,6 @@ def test_any_landmarks_give_a_pose_or_are_refused(noise):
 
 
 @given(st.tuples(*[st.floats(-0.25, 0.25)] * 2), st.floats(-0.9, -0.3))
-@settings(deadline=None)
 def test_a_leg_reaches_what_is_in_reach(aside, down):
     leg = np.array([[0.0, 0.9, 0.0], [0.0, 0.5, 0.02], [0.0, 0.1, 0.0]])
     target = np.array([aside[0], 0.9 + down, aside[1]])

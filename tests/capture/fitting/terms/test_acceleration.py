@@ -46,7 +46,7 @@ def robust(deviations: float) -> float:
     return 2.0 * (np.sqrt(1.0 + deviations**2) - 1.0)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3))
 def test_who_stands_or_walks_steadily_costs_nothing(velocity):
     steady = moved(TIMES_S[:, None] * np.array(velocity))

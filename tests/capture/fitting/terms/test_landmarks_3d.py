@@ -34,7 +34,7 @@ def energy_apart(pair: tuple[int, int], deviations: float) -> float:
     return energy_of(Landmarks3D, STATE, seen)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(size=st.floats(0.5, 2.0), away=st.tuples(*[st.floats(-5.0, 5.0)] * 3))
 def test_landmarks_of_any_size_at_any_place_cost_nothing(size, away):
     seen = seen_of(STATE)

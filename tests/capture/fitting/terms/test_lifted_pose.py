@@ -48,7 +48,7 @@ def test_the_lifters_own_poses_cost_nothing():
     assert energy_of(LiftedPose, STATE, seen_of(STATE)) == pytest.approx(0.0, abs=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(-np.pi, np.pi))
 def test_energy_grows_with_the_angle_in_the_lifters_own_spread(rad):
     energy = energy_of(LiftedPose, nodding(rad), seen_of(REST))

@@ -48,7 +48,7 @@ def test_landmarks_where_they_are_seen_cost_nothing():
     assert once_pictures_are_looked_at(seen_of(STATE)) == 0.0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(deviations=st.floats(0.0, 100.0), direction=st.floats(0.0, 2.0 * np.pi))
 def test_energy_grows_with_the_distance_alike_in_all_directions(deviations, direction):
     off_px = deviations * DEVIATION * PERSON_PX

@@ -103,13 +103,16 @@ def test_hair_hangs_no_farther_out_than_it_stands_on_the_skull():
     assert moved[neck].max() < moved[skull].max() + 0.002
 
 
-def test_short_hair_follows_the_skull():
-    _, _, kinds = bald_head()
-    low = back_of(SCALP) & ~back_of(SCALP, 0.0)
-    for worn, least, most in ((kinds == SCALP, 0.0, 0.022), (curtain(), 0.026, 0.1)):
-        hair = found(0.02, worn)
-        off = stands_off(hair, low & hair.covered)
-        assert least < np.median(off) < most, (np.median(off), most)
+def test_long_hair_hangs_from_the_skull_and_short_hair_follows_it():
+    body, first, kinds = bald_head()
+    beside = np.abs(first.parameters[:, POSITION] - body.skeleton.rest_joints[HEAD][0]) > 0.045
+    locks = beside & np.isin(kinds, (FACE, NECK))
+    long, short = found(0.03, curtain() | locks), found(0.03, kinds == SCALP)
+    assert long.long
+    assert not short.long
+    nape = back_of(SCALP) & ~back_of(SCALP, 0.0) & long.covered & short.covered
+    assert np.abs(long.moves[nape, 1]).max() < 1e-6, "straight down from farther up"
+    assert np.abs(short.moves[nape, 1]).max() > 0.005
 
 
 def test_faces_and_what_frames_show_stay():

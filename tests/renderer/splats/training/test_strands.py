@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
 from renderer.splats.model import SplatModel
+from renderer.splats.training.hair import Hair
 from renderer.splats.training.strands import with_strands
 from renderer.splats.training.surface_kinds import KINDS, surface_kinds
 from scene.arrays import Bool, Float
@@ -39,15 +40,15 @@ def somebody(contrast: float = 0.2) -> tuple[SplatModel, Bool[np.ndarray, "N"]]:
     return model, scalp
 
 
-def uncovered(model: SplatModel) -> Bool[np.ndarray, "N"]:
-    return np.zeros(len(model), bool)
+def uncovered(model: SplatModel) -> Hair:
+    return Hair.none(len(model))
 
 
-def neck_of(model: SplatModel) -> Bool[np.ndarray, "N"]:
-    """What long hair covers."""
+def over_neck(model: SplatModel) -> Hair:
+    """Long hair."""
     rest = model.parameters[:, PLACE]
     kinds = surface_kinds(rest, model.joints, model.weights, model.skeleton)
-    return kinds == KINDS.index("neck")
+    return replace(uncovered(model), covered=kinds == KINDS.index("neck"), long=True)
 
 
 def strands_of(model: SplatModel, count: int) -> Float[np.ndarray, "S P"]:
@@ -78,18 +79,18 @@ def test_strands_lie_side_by_side_along_the_way_hair_falls():
 @pytest.mark.parametrize("contrast", [0.05, 0.2])
 def test_tones_vary_as_those_of_hair_that_frames_show(contrast: float):
     model, scalp = somebody(contrast)
-    covered = neck_of(model)
-    count = int(((scalp | covered) & ~model.seen).sum())
-    tones = strands_of(with_strands(model, covered), count)[:, COLOUR] / 0.4
+    hair = over_neck(model)
+    count = int(((scalp | hair.covered) & ~model.seen).sum())
+    tones = strands_of(with_strands(model, hair), count)[:, COLOUR] / 0.4
     assert abs(tones.mean() - 1.0) < 0.02
     assert contrast < tones.std() < 2.0 * contrast
 
 
 def test_tones_go_on_down_the_head_and_change_across_it():
     model, scalp = somebody()
-    covered = neck_of(model)
-    hair = (scalp | covered) & ~model.seen
-    strands = strands_of(with_strands(model, covered), int(hair.sum()))
+    hair = over_neck(model)
+    count = int(((scalp | hair.covered) & ~model.seen).sum())
+    strands = strands_of(with_strands(model, hair), count)
     place = strands[:, PLACE] - model.skeleton.rest_joints[HEAD]
     tones = strands[:, COLOUR]
     apart = place[:, None] - place[None]
@@ -107,18 +108,17 @@ def test_tones_go_on_down_the_head_and_change_across_it():
 
 def test_long_hair_has_locks_and_short_hair_none():
     model, scalp = somebody()
-    neck, hair = neck_of(model), scalp & ~model.seen
 
-    def locks(covered: Bool[np.ndarray, "N"]) -> float:
+    def locks(hair: Hair) -> float:
         """How much of what tones differ is left in their means over a centimetre."""
-        count = int((hair | (covered & ~model.seen)).sum())
-        strands = strands_of(with_strands(model, covered), count)
+        count = int(((scalp | hair.covered) & ~model.seen).sum())
+        strands = strands_of(with_strands(model, hair), count)
         behind = strands[:, POSITION + 2] < model.skeleton.rest_joints[HEAD][2] - 0.05
         tones, place = strands[behind, COLOUR], strands[behind, PLACE]
         near = KDTree(place).query_ball_point(place, 0.01)
         return float(np.std([tones[one].mean() for one in near]) / tones.std())
 
-    assert locks(neck) > 1.3 * locks(uncovered(model))
+    assert locks(over_neck(model)) > 1.3 * locks(uncovered(model))
 
 
 def test_hair_without_contrast_and_strands_stay_as_they_are():
@@ -133,9 +133,9 @@ def test_hair_without_contrast_and_strands_stay_as_they_are():
 
 def test_what_hair_covers_becomes_hair_too_and_what_was_seen_does_not():
     model, scalp = somebody()
-    neck = neck_of(model)
-    count = int(((scalp | neck) & ~model.seen).sum())
-    assert len(with_strands(model, neck)) == len(model) + 5 * count
+    hair = over_neck(model)
+    count = int(((scalp | hair.covered) & ~model.seen).sum())
+    assert len(with_strands(model, hair)) == len(model) + 5 * count
 
 
 def test_albedo_normals_and_expressions_go_with_their_splats():
