@@ -35,6 +35,9 @@ PARTS = {
 }
 """Where among the numbers those of each part of the body are."""
 
+CURLS = slice(_LEFT, EXPRESSION_COUNT)
+"""Where among them those of all fingers are."""
+
 GAZE = slice(_MIMIC, _LEFT)
 """Where among them those of the eyes are, which turn together."""
 GAZE_RAD = 0.5
@@ -59,8 +62,14 @@ def blend_shape_weights(expression: Float[Array, "*F E"]) -> Float[Array, "*F S"
     Where the curl is a half, the finger lies at half of its first shape and all of its second; the
     parabola through these places stands in for the arc.
     """
-    curls = expression[..., _LEFT:]
+    curls = expression[..., CURLS]
     return np.concatenate([expression, 4.0 * curls * (1.0 - curls)], axis=-1)
+
+
+def by_curls(by_weights: Float[Array, "S"], expression: Float[Array, "E"]) -> Float[Array, "C"]:
+    """The gradient by the fingers' curls of what has `by_weights` by the weights of the blend
+    shapes (see `blend_shape_weights`)."""
+    return by_weights[CURLS] + 4.0 * (1.0 - 2.0 * expression[CURLS]) * by_weights[EXPRESSION_COUNT:]
 
 
 def gaze_of(expression: Float[Array, "*F E"]) -> Float[Array, "*F"]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from renderer.splats.cloth.hanging import BoundSplats
 from renderer.splats.layout import POSITION
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Float, Int
-from scene.expression import BLEND_SHAPE_COUNT, blend_shape_weights
+from scene.expression import BLEND_SHAPE_COUNT, CURLS, blend_shape_weights, by_curls
 
 _LEAST_M = 1e-4
 """Splats that no expression moves further are left out."""
@@ -120,6 +121,21 @@ class ClipBlendShapes:
         """Turn a gradient by what `moved` returns into one by the parameters, in place."""
         if self.bound is not None and self.hung is not None:
             self.bound.take_back(gradient, self.hung[frame])
+
+    def by_curls(self, gradient: Float[Array, "N P"], frame: int) -> Float[Array, "C"]:
+        """Turn a gradient by what `moved` returns into one by the curls of the frame's fingers."""
+        fingers, offsets = self._fingers
+        by_weights = gradient[fingers, POSITION : POSITION + 3].reshape(-1) @ offsets
+        return by_curls(by_weights, self.expressions[frame])
+
+    @cached_property
+    def _fingers(self) -> tuple[Int[Array, "K"], Float[Array, "J S"]]:
+        """The splats of fingers, and how far they move, the axes of each after another."""
+        bends = self.offsets.copy()
+        bends[:, : CURLS.start] = 0.0
+        moving = np.flatnonzero((np.linalg.norm(bends, axis=2) > _LEAST_M).any(axis=1))
+        offsets = bends[moving].transpose(0, 2, 1).reshape(-1, bends.shape[1])
+        return self.splats[moving], np.ascontiguousarray(offsets)
 
     def _shown(self, parameters: Float[Array, "N P"], frame: int) -> Float[Array, "N P"]:
         if not len(self.splats) or not self.expressions[frame].any():

@@ -33,6 +33,7 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
+from renderer.splats.training.finger_bends import FingerBends
 from renderer.splats.training.hair import Hair
 from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
 from renderer.splats.training.loose_clothes import ClipCloth, with_splats_on_cloth
@@ -95,6 +96,7 @@ class SplatTrainer:
         """Frames that steps do not look at; may be set."""
         self.adds_sides = True
         """Sides that no frame shows get more splats; may be set."""
+        self._bends = FingerBends(sequence, start)
         self.splats = self._splats_begun()
         self._passes = (
             RefinementPasses(self._views, colours_known=start is not None)
@@ -113,7 +115,7 @@ class SplatTrainer:
         )
 
     def _splats_begun(self) -> TrainedSplats:
-        first, expressions = self._resizing.splats, self._sequence.motion.expressions
+        first, expressions = self._resizing.splats, self._bends.expressions
         return TrainedSplats(first, self._first_skeleton, expressions, self._settings, self._cloth)
 
     def _clothes(self, sequence: Sequence, start: SplatModel | None) -> ClipCloth | None:
@@ -188,6 +190,8 @@ class SplatTrainer:
             len(self._losses),
             splats.by_parameter,
         )
+        if self._estimated:
+            self._bends.learn(frame, splats.expressions, splats.by_parameter, fraction)
         splats.expressions.take_back(splats.by_parameter, frame)
         if self._light is not None:
             self._light.chain_to_albedo(splats.by_parameter, splats.parameters, shown)
@@ -343,7 +347,7 @@ class SplatTrainer:
             self.model_so_far(),
             self._sequence.train.camera(0),
             self._poses.transforms(0),
-            self._sequence.motion.expressions[0],
+            self._bends.expressions[0],
             hung,
         )
 
@@ -361,6 +365,7 @@ class SplatTrainer:
             "slower": self._rate_factor.copy(),
             "chance": np.array(rng_state),
             **self._poses.state(),
+            **self._bends.state(),
             **self._guard.state(),
             **(self._passes.state() if self._passes else {}),
             **(self._light.state() if self._light else {}),
@@ -370,6 +375,7 @@ class SplatTrainer:
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
         self._poses.restore(state)
+        self._bends.restore(state)
         if self._cloth is not None:
             self._cloth.restore(state, *self._moved())
         self._resizing.restore(state, self._finer_layer)
@@ -406,7 +412,8 @@ class SplatTrainer:
         self, parameters: Float[Array, "N P"], seen: Bool[Array, "N"], metrics: dict[str, Any]
     ) -> SplatModel:
         poses, data_hash = self._poses, self._sequence.data_hash
-        model = self.splats.model(parameters, seen, poses.skeleton, poses.motion(), data_hash)
+        motion = replace(poses.motion(), expressions=self._bends.expressions.copy())
+        model = self.splats.model(parameters, seen, poses.skeleton, motion, data_hash)
         return replace(self._light.lit(model) if self._light else model, metrics=metrics)
 
     def _as_captured(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
