@@ -99,6 +99,7 @@ PARTS = (
         lambda _, limbs, *__: _none_of(limbs),
     ),
     _of_training("smooth hands", REAL, "trained_splats.TrainedSplats.pull_hands", lambda *_: None),
+    _of_training("fingers bent", REAL, "finger_bends.FingerBends.learn", lambda *_: None),
     _without("gaze", ("grey-shirt",), clip=_looking_ahead),
     _of_capture("palms in the picture", ("orange-hoodie",), f"{_FIT}.PALM_WEIGHT", 0.0),
     _of_capture(
