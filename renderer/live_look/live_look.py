@@ -43,6 +43,9 @@ _COLOURS = slice(COLOUR, COLOUR + 3)
 _COLOURS_PX = 256
 """Longest side of the picture that colours are found in: splats are coarser than the pixels of one
 that was sent, and those hold what coding leaves."""
+_RIM = 1.0 / 128.0
+"""Of the picture's longest side: what lies so near the person's outline gives no splat its colour.
+From beside, splats that look sideways have what they take there all over them."""
 _STEPS = 2
 """Steps of colours a picture; what is left is made up for in the next ones."""
 _OVERSTEP = 1.7
@@ -188,8 +191,8 @@ class LiveLook:
         wanted = np.empty((*picture.matte.shape, 4), np.float32)
         wanted[..., :3] = picture.rgb
         wanted[..., :3] *= 1.0 / 255.0
-        wanted[..., 3] = picture.known()
         size, focal_px = picture.matte.shape, float(picture.camera.intrinsics[0, 0])
+        wanted[..., 3] = picture.known(max(1, round(_RIM * max(size))))
         self._change *= _KEPT
         behind = hidden_by_limbs(work, self._limbs, size, focal_px)
         behind |= hidden_by_body(work, self._limbs, size)

@@ -44,11 +44,13 @@ class WebcamPicture:
             camera=self.camera.resized(width, height),
         )
 
-    def known(self) -> Float[Array, "H W"]:
-        """1 inside the matte, 0 at its edge and beyond: there the room shines through."""
+    def known(self, rim_px: int = 1) -> Float[Array, "H W"]:
+        """1 inside the matte, 0 within `rim_px` of its edge and beyond: there the room shines
+        through, and coding mixes the person with what is round them."""
         import cv2
 
-        inside = cv2.erode(self.matte, np.ones((3, 3), np.uint8))
+        side = 2 * rim_px + 1
+        inside = cv2.erode(self.matte, np.ones((side, side), np.uint8))
         return (inside > _INSIDE).astype(np.float32)
 
 
