@@ -29,7 +29,7 @@ from renderer.performer_model import PerformerModel
 from renderer.presets import Preset
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
-from scene.expression import GAZE, PARTS
+from scene.expression import CURLS, GAZE
 from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, PoseTrust, Sequence
 from services.app import create_app
@@ -42,7 +42,6 @@ from services.settings import load_settings
 from tests.services.conftest import SECRET, bearer
 
 STORED = Path(__file__).parent / "stored"
-FINGERS = slice(PARTS["left_hand"].start, PARTS["right_hand"].stop)
 VIEW, POSE = 2, 3
 """The test camera and the pose of the stored pictures."""
 NOW = datetime(2026, 1, 1, 12, 0, tzinfo=UTC)
@@ -133,10 +132,10 @@ def test_a_sequence_folder_is_read(sequence, expected):
     assert directions is not None
     with zipfile.ZipFile(STORED / "sequence.zip") as archive, archive.open("body.npz") as stored:
         hands = np.load(stored)["expression_directions"][5:].astype(np.float64)
-    fingers = directions[FINGERS].reshape(2, 5, *hands.shape[1:])
+    fingers = directions[CURLS].reshape(2, 5, *hands.shape[1:])
     np.testing.assert_allclose(fingers.sum(axis=1), hands, atol=1e-9)
     assert not np.ptp(fingers, axis=1).any()
-    assert not directions[FINGERS.stop :].any()  # it knows no in-betweens
+    assert not directions[CURLS.stop :].any()  # it knows no in-betweens
     assert not directions[GAZE].any()  # nor that eyes turn
     splits = {"train": sequence.train, **sequence.test}
     means = {
@@ -166,7 +165,7 @@ def test_fingers_that_close_together_close_the_hand_as_it_did():
         before = stored.get_tensor("expression_offsets").astype(np.float32)
     assert before.shape[1:] == (7, 3)
     np.testing.assert_array_equal(model.expression_offsets[:, :5], before[:, :5])
-    hands = model.expression_offsets[:, FINGERS].reshape(-1, 2, 5, 3).sum(axis=2)
+    hands = model.expression_offsets[:, CURLS].reshape(-1, 2, 5, 3).sum(axis=2)
     np.testing.assert_allclose(hands, before[:, 5:], atol=1e-6)
 
 

@@ -125,17 +125,18 @@ class ClipBlendShapes:
     def by_curls(self, gradient: Float[Array, "N P"], frame: int) -> Float[Array, "C"]:
         """Turn a gradient by what `moved` returns into one by the curls of the frame's fingers."""
         fingers, offsets = self._fingers
-        by_weights = gradient[fingers, POSITION : POSITION + 3].reshape(-1) @ offsets
+        by_weights = offsets @ gradient[fingers, POSITION : POSITION + 3].reshape(-1)
         return by_curls(by_weights, self.expressions[frame])
 
     @cached_property
-    def _fingers(self) -> tuple[Int[Array, "K"], Float[Array, "J S"]]:
+    def _fingers(self) -> tuple[Int[Array, "K"], Float[Array, "S J"]]:
         """The splats of fingers, and how far they move, the axes of each after another."""
         bends = self.offsets.copy()
         bends[:, : CURLS.start] = 0.0
         moving = np.flatnonzero((np.linalg.norm(bends, axis=2) > _LEAST_M).any(axis=1))
-        offsets = bends[moving].transpose(0, 2, 1).reshape(-1, bends.shape[1])
-        return self.splats[moving], np.ascontiguousarray(offsets)
+        # as rows: times a vector, columns take ten times as long
+        offsets = bends[moving].transpose(1, 0, 2).reshape(bends.shape[1], -1)
+        return self.splats[moving], offsets
 
     def _shown(self, parameters: Float[Array, "N P"], frame: int) -> Float[Array, "N P"]:
         if not len(self.splats) or not self.expressions[frame].any():
