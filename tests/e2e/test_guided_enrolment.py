@@ -42,6 +42,15 @@ new MutationObserver(() => {
   sessionStorage.setItem("told", JSON.stringify(told));
 }).observe(document, { subtree: true, childList: true, characterData: true, attributes: true });
 """
+IS_SKIPPED = """(step) => new Promise((resolve) => {
+  const opening = indexedDB.open("metanerf", 1);
+  opening.onsuccess = () => {
+    const all = opening.result.transaction("guides").objectStore("guides").getAll();
+    const isSkipped = ({ state }) => state.outcomes[step] === "skipped";
+    all.onsuccess = () => resolve(all.result.some(isSkipped));
+  };
+})"""
+"""Whether a reload would find a step skipped: the page puts it away beside its work."""
 KEPT = """async () => new Promise((resolve) => {
   const opening = indexedDB.open("metanerf", 1);
   opening.onsuccess = () => {
@@ -64,6 +73,7 @@ def _is_wrong_and_skipped(page: Page, step: str) -> None:
     page.get_by_test_id("guide-skip").click()
     skipped = page.get_by_test_id(f"step-{step}")
     expect(skipped).to_have_attribute("data-status", "skipped")
+    page.wait_for_function(IS_SKIPPED, arg=step)
 
 
 def _start(page: Page) -> None:
