@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.live_look.alignment import FlowAligner
+from renderer.live_look.coring import cored, exposure_beside
 from renderer.live_look.detail import detail_of
 from renderer.live_look.picture import WebcamPicture
 from renderer.splats.layout import (
@@ -43,9 +44,6 @@ _COLOURS = slice(COLOUR, COLOUR + 3)
 _COLOURS_PX = 256
 """Longest side of the picture that colours are found in: splats are coarser than the pixels of one
 that was sent, and those hold what coding leaves."""
-_RIM = 1.0 / 128.0
-"""Of the picture's longest side: what lies so near the person's outline gives no splat its colour.
-From beside, splats that look sideways have what they take there all over them."""
 _STEPS = 2
 """Steps of colours a picture; what is left is made up for in the next ones."""
 _OVERSTEP = 1.7
@@ -71,7 +69,6 @@ _COMES_S = 0.1
 """Time in which a splat that comes into view takes its live colour."""
 _EXPOSURE_S = 1.0
 """Time in which the exposure of what isn't seen follows that of what is."""
-_EXPOSURE_RANGE = (0.7, 1.4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +97,7 @@ class LiveLook:
         self._shown = np.zeros(len(model), np.float32)
         """How well each splat is seen in the newest picture."""
         self._seen_s = np.full(len(model), -np.inf)
-        self._exposure = np.ones(3, np.float32)
+        self._exposure: Float[Array, "3"] | None = None
         self._gathered = np.zeros((1, len(model), GATHERED), np.float32)
         self._time_s: float | None = None
 
@@ -126,10 +123,16 @@ class LiveLook:
         looks then."""
         base = aligned.captured[:, _COLOURS].copy()
         small = picture.resized(min(1.0, _COLOURS_PX / max(picture.matte.shape)))
+        time_s = aligned.pose.time_s
+        passed_s = _COMES_S if self._time_s is None else max(time_s - self._time_s, 0.0)
+        self._time_s = time_s
         self._arrange(aligned.captured, small.camera, aligned.pose)
-        self._find_colours(small, base)
-        self._follow(aligned.pose.time_s, base)
-        change = self.change_at(aligned.pose.time_s)
+        drawn = self._drawn(base, small)
+        self._follow_exposure(exposure_beside(small, drawn), passed_s)
+        wanted = cored(small, drawn, self._exposure_now)
+        self._find_colours(wanted, base, float(small.camera.intrinsics[0, 0]))
+        self._follow(time_s, passed_s)
+        change = self.change_at(time_s)
         return LiveAppearance(change, self._laid_picture(picture, aligned, change))
 
     def change_at(self, time_s: float) -> Float[Array, "N 3"]:
@@ -139,7 +142,7 @@ class LiveLook:
 
         share = self._share * _held(time_s - self._seen_s)
         base = self._model.parameters[:, _COLOURS]
-        exposed = (self._exposure - 1.0) * base
+        exposed = (self._exposure_now - 1.0) * base
         shown = np.empty_like(self._change)
         spread(self._change, share, exposed, self._near, shown)
         return shown
@@ -148,17 +151,10 @@ class LiveLook:
         self, picture: WebcamPicture, aligned: AlignedModel, change: Float[Array, "N 3"]
     ) -> LaidPicture:
         """What `picture`, whose colours were taken, shows beyond those that `change` brings."""
-        import numba
-
-        from renderer.splats.rasteriser.tile_kernels import draw
-
         work = self._work
         self._arrange(aligned.captured, picture.camera, aligned.pose)
-        work.projected[:, RED : BLUE + 1] = self._renderer.changed_colours(
-            aligned.captured, [change]
-        )
-        drawn = np.empty((*picture.matte.shape, 4), np.float32)
-        draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
+        colours = self._renderer.changed_colours(aligned.captured, [change])
+        drawn = self._drawn(colours, picture)
         shown = np.minimum(self._shown, self._share)[:, None]
         places = np.concatenate([work.projected[:, MEAN_X : MEAN_Y + 1] * shown, shown], axis=1)
         skeleton, pose = self._model.skeleton, aligned.pose
@@ -183,16 +179,25 @@ class LiveLook:
             BOX_FILTER_PX2,
         )
 
-    def _find_colours(self, picture: WebcamPicture, base: Float[Array, "N 3"]) -> None:
-        """Steps towards the colours with which the picture is nearest."""
-        from renderer.splats.rasteriser.backprojection_kernels import gather_differences
+    def _drawn(self, colours: Float[Array, "N 3"], picture: WebcamPicture) -> Float[Array, "H W 4"]:
+        """What the splats, as they are arranged, come to in `colours`, premultiplied."""
+        import numba
+
+        from renderer.splats.rasteriser.tile_kernels import draw
 
         work = self._work
-        wanted = np.empty((*picture.matte.shape, 4), np.float32)
-        wanted[..., :3] = picture.rgb
-        wanted[..., :3] *= 1.0 / 255.0
-        size, focal_px = picture.matte.shape, float(picture.camera.intrinsics[0, 0])
-        wanted[..., 3] = picture.known(max(1, round(_RIM * max(size))))
+        work.projected[:, RED : BLUE + 1] = colours
+        drawn = np.empty((*picture.matte.shape, 4), np.float32)
+        draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
+        return drawn
+
+    def _find_colours(
+        self, wanted: Float[Array, "H W 4"], base: Float[Array, "N 3"], focal_px: float
+    ) -> None:
+        """Steps towards the colours with which pixels are nearest to what is `wanted` (`cored`)."""
+        from renderer.splats.rasteriser.backprojection_kernels import gather_differences
+
+        work, size = self._work, (wanted.shape[0], wanted.shape[1])
         self._change *= _KEPT
         behind = hidden_by_limbs(work, self._limbs, size, focal_px)
         behind |= hidden_by_body(work, self._limbs, size)
@@ -209,16 +214,26 @@ class LiveLook:
         np.clip(self._change, -base, 1.0 - base, out=self._change)
         self._gathered[0, behind, KNOWN] = 0.0
 
-    def _follow(self, time_s: float, base: Float[Array, "N 3"]) -> None:
-        """Note what was seen, and how bright the picture is beside the model."""
+    @property
+    def _exposure_now(self) -> Float[Array, "3"]:
+        return np.ones(3, np.float32) if self._exposure is None else self._exposure
+
+    def _follow_exposure(self, found: Float[Array, "3"] | None, passed_s: float) -> None:
+        """Bring the exposure nearer to the newest picture's; the first is taken as it is."""
+        if found is None:
+            return
+        before = found if self._exposure is None else self._exposure
+        share = np.float32(min(1.0, passed_s / _EXPOSURE_S))
+        self._exposure = before + share * (found - before)
+
+    def _follow(self, time_s: float, passed_s: float) -> None:
+        """Note what was seen."""
         found = self._gathered[0]
-        step_s = _COMES_S if self._time_s is None else max(time_s - self._time_s, 0.0)
-        self._time_s = time_s
         shown = shown_pixels(self._work, found[:, SHOWN])
         shown *= found[:, KNOWN] / np.maximum(found[:, SHOWN], 1e-6)
         open_px = float(np.percentile(shown[shown > 0.0], _OPEN)) if shown.any() else 1.0
         wanted = np.clip(shown / (_SEEN * open_px), 0.0, 1.0)
-        most = step_s / _COMES_S
+        most = passed_s / _COMES_S
         self._shown += np.clip(wanted - self._shown, -most, most)
         self._shown[shown == 0.0] = 0.0
         seen = wanted > _HARDLY
@@ -227,11 +242,6 @@ class LiveLook:
         rising = np.maximum(wanted, self._share) - self._share
         self._share += np.minimum(rising, most).astype(np.float32)
         self._seen_s[seen] = time_s
-        if not seen.any():
-            return
-        ratio = (base + self._change)[seen].mean(axis=0) / np.maximum(base[seen].mean(axis=0), 0.02)
-        ratio = np.clip(ratio, *_EXPOSURE_RANGE)
-        self._exposure += min(1.0, step_s / _EXPOSURE_S) * (ratio - self._exposure)
 
 
 def _neighbours(model: SplatModel) -> Int[Array, "N M"]:

@@ -9,6 +9,7 @@ import type { SplatFile } from "../splats/file";
 import { packDetail, packPlaces, type LaidPicture } from "../splats/laid";
 import { allocateOrder, depthOrder } from "../splats/sort";
 import type { PosePacket } from "../transport/packets";
+import { Coring, exposureBeside } from "./coring";
 import { Detail, type FinePicture } from "./detail";
 import { finestLevel, ofAllLevels, placesOfAllLevels } from "./finestLevel";
 import { Footprints } from "./footprints";
@@ -38,7 +39,7 @@ const HELD_S = 1.5;
 const GONE_S = 1;
 const COMES_S = 0.1;
 const EXPOSURE_S = 1;
-const EXPOSURE_RANGE = [0.7, 1.4] as const;
+const UNCHANGED = [1, 1, 1] as const;
 
 /** A person's picture: RGB of each pixel and how well it is known, each 0 to 1; black where it is not. */
 export interface CutOutPicture {
@@ -58,7 +59,7 @@ export class LiveColours {
   /** How well each splat is seen in the newest picture. */
   private readonly laidShare: Float32Array;
   private readonly seenS: Float64Array;
-  private readonly exposure = [1, 1, 1];
+  private exposure: number[] | null = null;
   /** What each splat lacks in its pixels, summed, and the weight of those that are known and of all. */
   private readonly lacking: Float32Array;
   private readonly knownPx: Float32Array;
@@ -67,6 +68,7 @@ export class LiveColours {
   private readonly pixels: Float32Array;
   /** What was added to the colours last. */
   private readonly shown: Float32Array;
+  private readonly coring: Coring;
   private readonly detail: Detail;
   private lens: Lens = [1, 1, 0, 0];
   private readonly order: Uint32Array;
@@ -98,6 +100,7 @@ export class LiveColours {
     this.colours = new Float32Array(3 * count);
     this.pixels = new Float32Array(4 * side * side);
     this.shown = new Float32Array(3 * count);
+    this.coring = new Coring(side);
     this.detail = new Detail(PICTURE_PX);
     this.order = new Uint32Array(count);
   }
@@ -105,14 +108,20 @@ export class LiveColours {
   /** Take the colours of a picture, which shows them in `pose`; its capture time is the picture's moment. */
   see(picture: CutOutPicture, pose: PosePacket, lens: Lens): void {
     const { splats, footprints, change, side } = this;
+    const timeS = pose.captureTimeMs / 1000;
+    const passedS = this.timeS === null ? COMES_S : Math.max(timeS - this.timeS, 0);
+    this.timeS = timeS;
     this.lens = lens;
     splats.place(pose, lens, side);
     footprints.fill(splats, this.order, depthOrder(splats.depth, this.order));
     const through = hiddenByBody(splats, this.limbs, side);
     const behind = hiddenByLimbs(splats, this.limbs, side, lens[0]).map((hidden, i) => hidden | through[i]!);
+    footprints.draw(splats.colours, this.pixels);
+    this.followExposure(exposureBeside(picture, this.pixels), passedS);
+    const wanted = this.coring.of(picture, this.pixels, this.exposure ?? UNCHANGED);
     for (let at = 0; at < change.length; at++) change[at]! *= KEPT;
     for (let step = 0; step < STEPS; step++) {
-      this.findLacking(picture);
+      this.findLacking(wanted);
       this.gather();
       this.step(behind);
     }
@@ -121,15 +130,15 @@ export class LiveColours {
     behind.forEach((hidden, i) => {
       if (hidden) this.knownPx[i] = 0;
     });
-    this.follow(pose.captureTimeMs / 1000);
+    this.follow(timeS, passedS);
   }
 
   /** What is added to the captured colour of each splat of the file at `timeS`, as the card takes it. */
   changesAt(timeS: number): Uint32Array<ArrayBuffer> {
-    const { change, exposure, near, person, seenS, shown } = this;
+    const { change, near, person, seenS, shown } = this;
     const many = near.length / Math.max(1, person.count);
     const share = this.share.map((one, i) => one * held(timeS - seenS[i]!));
-    const otherwise = exposure.map((one) => (LITTLE * (one - 1)) / 255);
+    const otherwise = (this.exposure ?? UNCHANGED).map((one) => (LITTLE * (one - 1)) / 255);
     for (let i = 0; i < person.count; i++) {
       const own = share[i]!;
       let red = 0;
@@ -234,17 +243,20 @@ export class LiveColours {
     }
   }
 
-  /** Note what was seen at `timeS`, and how bright the picture is beside the model. */
-  private follow(timeS: number): void {
+  /** Bring the exposure nearer to the newest picture's; the first is taken as it is. */
+  private followExposure(found: readonly number[] | null, passedS: number): void {
+    if (!found) return;
+    const before = this.exposure ?? found;
+    this.exposure = found.map((one, c) => before[c]! + Math.min(1, passedS / EXPOSURE_S) * (one - before[c]!));
+  }
+
+  /** Note what was seen at `timeS`. */
+  private follow(timeS: number, passedS: number): void {
     const { laidShare, share, seenS } = this;
-    const stepS = this.timeS === null ? COMES_S : Math.max(timeS - this.timeS, 0);
-    const most = stepS / COMES_S;
-    this.timeS = timeS;
+    const most = passedS / COMES_S;
     const shown = this.shownOf();
     const some = shown.filter((one) => one > 0).sort();
     const openPx = some.length > 0 ? percentile(some, OPEN_SHARE) : 1;
-    const [sums, bases] = [[0, 0, 0], [0, 0, 0]];
-    let count = 0;
     shown.forEach((one, i) => {
       const wanted = Math.min(one / (SEEN * openPx), 1);
       laidShare[i]! += Math.max(-most, Math.min(wanted - laidShare[i]!, most));
@@ -252,20 +264,8 @@ export class LiveColours {
       const seen = wanted > HARDLY;
       if (!seen && held(timeS - seenS[i]!) <= 0) share[i] = 0;
       share[i]! += Math.min(Math.max(wanted - share[i]!, 0), most);
-      if (!seen) return;
-      seenS[i] = timeS;
-      count += 1;
-      for (let c = 0; c < 3; c++) {
-        bases[c]! += this.splats.colours[3 * i + c]!;
-        sums[c]! += this.splats.colours[3 * i + c]! + this.change[3 * i + c]!;
-      }
+      if (seen) seenS[i] = timeS;
     });
-    if (count === 0) return;
-    for (let c = 0; c < 3; c++) {
-      const ratio = sums[c]! / count / Math.max(bases[c]! / count, 0.02);
-      const wanted = Math.max(EXPOSURE_RANGE[0], Math.min(ratio, EXPOSURE_RANGE[1]));
-      this.exposure[c]! += Math.min(1, stepS / EXPOSURE_S) * (wanted - this.exposure[c]!);
-    }
   }
 
   /** Pixels that show each splat, at most one, times the share of its own light that reaches them. */

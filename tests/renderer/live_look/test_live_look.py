@@ -180,7 +180,7 @@ def test_a_live_colour_stays_a_while_and_then_goes(model, webcam):
     def ratios(age_s: float) -> np.ndarray:
         base = model.parameters[:, COLOURS]
         bright = (base > 0.1).all(axis=1)
-        return look.change_at(pose.time_s + age_s)[bright] / base[bright]
+        return look.change_at(pose.time_s + age_s)[bright].astype(float) / base[bright]
 
     fresh = ratios(0.0)
     assert np.abs(ratios(1.4) - fresh).mean() < 0.01 * np.abs(fresh).mean()
