@@ -23,7 +23,7 @@ def stability(figures: Figures) -> str:
             _outcomes(figures),
             "### Breaking points",
             "The first step that was measured and is broken, and the first that is no use at all "
-            "(*undisturbed*: no use with nothing wrong at all):",
+            "(*no use undisturbed*: with nothing wrong at all):",
             _breaking_points(figures),
             "### Every step",
             _legend(figures),
@@ -135,12 +135,10 @@ def _breaking_points(figures: Figures) -> str:
 def _point(point: BreakingPoint | None) -> str:
     if point is None:
         return ""
-    if point.broken.at is None:
-        return f"holds to {point.broken.last}"
-    if point.broken.last is None:
-        return "undisturbed"
-    useless = f"; no use: {point.unusable.at}" if point.unusable.at is not None else ""
-    return f"{point.broken.at}{useless}"
+    broken = point.broken.at or f"holds to {point.broken.last}"
+    if point.unusable.last is None:
+        return f"{broken}; no use undisturbed"
+    return broken if point.unusable.at is None else f"{broken}; no use: {point.unusable.at}"
 
 
 def _legend(figures: Figures) -> str:

@@ -17,10 +17,12 @@ _PANELS = (
 
 
 def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
-    """`path`, a .png: accuracy against the megabytes that a page fetches, a line a subject."""
+    """`path`, a .png, and the .svg beside it: accuracy against the megabytes that a page fetches, a
+    line a subject."""
     import matplotlib
 
     matplotlib.use("Agg")
+    matplotlib.rcParams["svg.hashsalt"] = "parsimony"
     from matplotlib import pyplot
 
     figure, panels = pyplot.subplots(1, 3, figsize=(11, 3.8), layout="constrained")
@@ -40,6 +42,8 @@ def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
     figure.suptitle("Square: all splats; circle: as few as the clip shows a need for", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
+    figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
+    pyplot.close(figure)
 
 
 def _points(

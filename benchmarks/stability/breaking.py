@@ -34,8 +34,10 @@ def is_unusable(axis: Axis, row: Row) -> bool:
 
 
 def is_broken(axis: Axis, row: Row, undisturbed: Row) -> bool:
-    """The same, or plainly worse than the `undisturbed` one."""
-    if is_unusable(axis, row) or undisturbed["outcome"] != MEASURED:
+    """Plainly worse than the `undisturbed` one, or no use where that one was."""
+    if row["outcome"] != MEASURED or undisturbed["outcome"] != MEASURED:
+        return True
+    if is_unusable(axis, row) and not is_unusable(axis, undisturbed):
         return True
     if row["psnr"] < undisturbed["psnr"] - LOST_DB:
         return True

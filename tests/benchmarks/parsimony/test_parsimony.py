@@ -107,3 +107,4 @@ def test_the_chart_is_drawn(tmp_path):
     path = tmp_path / "parsimony.png"
     draw_parsimony(figures(), path)
     assert path.stat().st_size > 10_000
+    assert "MB that a page fetches" in path.with_suffix(".svg").read_text()

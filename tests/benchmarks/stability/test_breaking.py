@@ -63,7 +63,14 @@ def test_an_axis_holds_to_the_step_before_the_first_broken_one():
 
 def test_an_axis_may_hold_throughout_or_not_at_all():
     assert reaches(row(0.0, 33.0), row(64.0, 31.0)) == (Reach("64", None, 1.0),) * 2
-    assert reaches(row(0.0, 20.0), row(64.0, 20.0)) == (Reach(None, "0", 0.0),) * 2
+    never = Reach(None, "0", 0.0)
+    assert reaches(row(0.0, 33.0, 0.3), row(64.0, 20.0)) == (Reach("0", "64", 0.0), never)
+
+
+def test_who_is_no_use_undisturbed_breaks_by_what_is_lost():
+    never = Reach(None, "0", 0.0)
+    assert reaches(row(0.0, 20.0), row(64.0, 19.0)) == (Reach("64", None, 1.0), never)
+    assert reaches(row(0.0, 20.0), row(64.0, 16.0)) == (Reach("0", "64", 0.0), never)
 
 
 def test_rows_are_grouped_and_put_in_order():
