@@ -46,7 +46,7 @@ def model_of(colour: tuple[float, float, float]) -> SplatModel:
     rest, weights = whole.rest_vertices[::4], whole.blend_weights[::4]
     parameters = np.zeros((len(rest), PARAMETERS), np.float32)
     parameters[:, :3] = rest
-    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.012)
+    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.02)
     parameters[:, ROTATION] = 1.0
     parameters[:, COLOURS] = colour
     parameters[:, OPACITY] = 3.0
