@@ -68,7 +68,7 @@ _HELD_S, _GONE_S = 1.5, 1.0
 _COMES_S = 0.1
 """Time in which a splat that comes into view takes its live colour."""
 _EXPOSURE_S = 1.0
-"""Time in which the exposure of what isn't seen follows that of what is."""
+"""Time in which the exposure follows the newest picture's."""
 
 
 @dataclass(frozen=True, eq=False)

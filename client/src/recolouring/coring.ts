@@ -1,5 +1,6 @@
 /** What a picture shows that the model does not show as well: renderer/live_look/coring.py, of pictures of `SIDE` px. */
 
+import { chosenAround } from "./around";
 import type { CutOutPicture } from "./liveColours";
 
 /** Difference, in sRGB, up to which a pixel shows nothing new, and from which all of what it shows. */
@@ -60,7 +61,7 @@ export class Coring {
    * The next call overwrites what this one returns.
    */
   of(picture: CutOutPicture, drawn: Float32Array, exposure: readonly number[]): CutOutPicture {
-    const { fresh, inside, own, side, spread, wanted } = this;
+    const { fresh, inside, own, row, side, spread, wanted } = this;
     const { rgb, known } = picture;
     for (let pixel = 0; pixel < known.length; pixel++) {
       const alpha = drawn[4 * pixel + 3]!;
@@ -69,14 +70,14 @@ export class Coring {
         own[3 * pixel + c] = Math.min((drawn[4 * pixel + c]! / Math.max(alpha, 1e-3)) * exposure[c]!, 1);
       }
     }
-    this.window(inside, inside, Math.min);
+    chosenAround(inside, side, Math.min, inside, row);
     for (let pixel = 0; pixel < known.length; pixel++) inside[pixel]! *= known[pixel]!;
     fresh.fill(-Infinity);
     for (let c = 0; c < 3; c++) this.addBeyond(rgb, drawn, c);
     for (let pixel = 0; pixel < known.length; pixel++) {
       fresh[pixel] = Math.max(0, Math.min((fresh[pixel]! - EXPLAINED) / (NEW - EXPLAINED), 1)) * inside[pixel]!;
     }
-    this.window(fresh, spread, Math.max);
+    chosenAround(fresh, side, Math.max, spread, row);
     for (let pixel = 0; pixel < known.length; pixel++) {
       const share = spread[pixel]! * inside[pixel]!;
       for (let at = 3 * pixel; at < 3 * pixel + 3; at++) wanted[at] = own[at]! + share * (rgb[at]! - own[at]!);
@@ -86,35 +87,17 @@ export class Coring {
 
   /** Into `fresh`, how far each pixel is beyond the range of the model's colours round it in channel `c`, if that is more. */
   private addBeyond(rgb: Float32Array, drawn: Float32Array, c: number): void {
-    const { fresh, least, most, own } = this;
+    const { fresh, least, most, own, row, side } = this;
     for (let pixel = 0; pixel < fresh.length; pixel++) {
       const isDrawn = drawn[4 * pixel + 3]! > DRAWN;
       least[pixel] = isDrawn ? own[3 * pixel + c]! : 2;
       most[pixel] = isDrawn ? own[3 * pixel + c]! : -1;
     }
-    this.window(least, least, Math.min);
-    this.window(most, most, Math.max);
+    chosenAround(least, side, Math.min, least, row);
+    chosenAround(most, side, Math.max, most, row);
     for (let pixel = 0; pixel < fresh.length; pixel++) {
       const seen = rgb[3 * pixel + c]!;
       fresh[pixel] = Math.max(fresh[pixel]!, least[pixel]! - seen, seen - most[pixel]!);
-    }
-  }
-
-  /** The least or the most of each pixel and the eight round it, from `values` into `to`; both may be the same. */
-  private window(values: Float32Array, to: Float32Array, choose: (a: number, b: number) => number): void {
-    const { row, side } = this;
-    for (let y = 0; y < side; y++) {
-      const here = side * y;
-      const above = side * Math.max(0, y - 1);
-      const below = side * Math.min(side - 1, y + 1);
-      for (let x = 0; x < side; x++) row[here + x] = choose(choose(values[above + x]!, values[here + x]!), values[below + x]!);
-    }
-    for (let y = 0; y < side; y++) {
-      const here = side * y;
-      for (let x = 0; x < side; x++) {
-        const [left, right] = [Math.max(0, x - 1), Math.min(side - 1, x + 1)];
-        to[here + x] = choose(choose(row[here + left]!, row[here + x]!), row[here + right]!);
-      }
     }
   }
 }

@@ -2,6 +2,7 @@
 
 import { PICTURE_PX } from "../look/cutOut";
 import { lower } from "../look/keying";
+import { chosenAround } from "./around";
 import type { FinePicture } from "./detail";
 import type { CutOutPicture } from "./liveColours";
 
@@ -52,16 +53,8 @@ function penOf(side: number): OffscreenCanvasRenderingContext2D {
 
 /** 1 where a pixel and all round it are inside the matte; beyond the picture's edge everything is. */
 function eroded(matte: Float32Array, side: number): Uint8Array {
+  chosenAround(matte, side, Math.min, matte, new Float32Array(matte.length));
   const known = new Uint8Array(matte.length);
-  const row = new Uint8Array(side);
-  for (let y = 0; y < side; y++) {
-    const here = side * y;
-    const above = side * Math.max(0, y - 1);
-    const below = side * Math.min(side - 1, y + 1);
-    for (let x = 0; x < side; x++) {
-      row[x] = matte[above + x]! > INSIDE && matte[here + x]! > INSIDE && matte[below + x]! > INSIDE ? 1 : 0;
-    }
-    for (let x = 0; x < side; x++) known[here + x] = row[x === 0 ? 0 : x - 1]! & row[x]! & row[x === side - 1 ? x : x + 1]!;
-  }
+  for (let pixel = 0; pixel < known.length; pixel++) known[pixel] = matte[pixel]! > INSIDE ? 1 : 0;
   return known;
 }
