@@ -29,6 +29,8 @@ def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
     for axes, (measure, words) in zip(panels, _PANELS, strict=True):
         for subject, colour in zip(figures["subjects"], _COLOURS, strict=False):
             line = _points(figures["rows"], subject["name"], "number", None, measure)
+            if not line:
+                continue  # a performer without a face that is judged
             axes.plot(*zip(*line, strict=True), ".-", color=colour, label=subject["name"], lw=1)
             for name, mark in (("full", "s"), ("auto", "o")):
                 points = _points(figures["rows"], subject["name"], "size", name, measure)

@@ -107,4 +107,6 @@ def test_the_chart_is_drawn(tmp_path):
     path = tmp_path / "parsimony.png"
     draw_parsimony(figures(), path)
     assert path.stat().st_size > 10_000
-    assert "MB that a page fetches" in path.with_suffix(".svg").read_text()
+    drawn = path.with_suffix(".svg").read_text()
+    assert "MB that a page fetches" in drawn
+    assert "<!-- .- -->" not in drawn, "a face that is not judged has no line"
