@@ -21,7 +21,7 @@ from benchmarks.real.filmed import FilmedClip, film, require_unseen
 from benchmarks.real.frames import OWN_VIEWS, test_frames
 from benchmarks.real.judge import Figures, Judge, TestFrame, flicker, mean
 from benchmarks.real.parts import part_finder
-from benchmarks.real.posture import head_pitch_deg, trunk_lean_deg
+from benchmarks.real.posture import head_level_deg, head_pitch_deg, trunk_lean_deg
 from benchmarks.real.ruler import Ruler
 from benchmarks.real.sheet import draw_sheet
 from benchmarks.reporting.figures import FigureWriter
@@ -141,6 +141,7 @@ def _posture(clip: FilmedClip) -> dict[str, float]:
     found = {
         "trunk_lean_deg": trunk_lean_deg(motion, skeleton),
         "head_pitch_deg": head_pitch_deg(motion, skeleton, clip.camera),
+        "head_level_deg": head_level_deg(motion, skeleton),
     }
     return {name: round(float(values.mean()), 1) for name, values in found.items()}
 

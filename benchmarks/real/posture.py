@@ -22,7 +22,14 @@ def trunk_lean_deg(motion: Motion, skeleton: Skeleton) -> Float[Array, "F"]:
 def head_pitch_deg(motion: Motion, skeleton: Skeleton, camera: Camera) -> Float[Array, "F"]:
     """How far the head looks above the camera, in each frame; below it: negative."""
     head = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[:, _HEAD]
-    return _elevation_deg(head[:, :3, 2]) - _elevation_deg(camera.position - head[:, :3, 3])
+    to_camera = camera.position - head[:, :3, 3]
+    return head_level_deg(motion, skeleton) - _elevation_deg(to_camera)
+
+
+def head_level_deg(motion: Motion, skeleton: Skeleton) -> Float[Array, "F"]:
+    """How far the head looks above the level, in each frame; below it: negative."""
+    head = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[:, _HEAD]
+    return _elevation_deg(head[:, :3, 2])
 
 
 def _elevation_deg(directions: Float[Array, "F 3"]) -> Float[Array, "F"]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.real.posture import head_pitch_deg, trunk_lean_deg
+from benchmarks.real.posture import head_level_deg, head_pitch_deg, trunk_lean_deg
 from scene.camera import Camera, look_at
 from tests.capture.people import JOINT, body, standing
 
@@ -30,5 +30,6 @@ def test_a_head_is_measured_from_the_direction_to_the_camera():
     bowed = replace(STANDING, joint_angles=angles)
     level = Camera(np.eye(3), look_at(at + np.array([0.0, 0.0, 2.0]), at), 64, 48)
     assert head_pitch_deg(bowed, body().skeleton, level) == pytest.approx([0.0, -10.0], abs=1.0)
+    assert head_level_deg(bowed, body().skeleton) == pytest.approx([0.0, -10.0], abs=1.0)
     below = Camera(np.eye(3), look_at(at + np.array([0.0, -2.0, 2.0]), at), 64, 48)
     assert head_pitch_deg(bowed, body().skeleton, below) == pytest.approx([45.0, 35.0], abs=1.0)
