@@ -6,9 +6,10 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 
-from playwright.sync_api import ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import ConsoleMessage, Page, Response, sync_playwright
 
 from benchmarks.service import BUSY as BUSY
 from benchmarks.service import RESIDENT as RESIDENT
@@ -54,16 +55,21 @@ def open_page(width: int = 1024, height: int = 768, webcam: Path | None = None) 
 
 
 def faults_of(page: Page) -> list[str]:
-    """What goes wrong on `page` from now on: errors of its scripts, and what its security policy
-    keeps it from."""
+    """What goes wrong on `page` from now on: errors of its scripts, what its security policy
+    keeps it from, and what it asks a server for that is not there (404)."""
     faults: list[str] = []
 
     def heed(message: ConsoleMessage) -> None:
         if "Content Security Policy" in message.text:
             faults.append(message.text)
 
+    def answered(response: Response) -> None:
+        if response.status == HTTPStatus.NOT_FOUND:
+            faults.append(f"{response.request.method} {response.url}: not found")
+
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("console", heed)
+    page.on("response", answered)
     return faults
 
 

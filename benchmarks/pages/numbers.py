@@ -95,6 +95,12 @@ def _enrolment(figures: Figures) -> _Rows:
             "met; to the finished model",
             f"{row['first_likeness_s']:.0f} s; {row['model_s']:.0f} s",
         )
+        seen = [row["viewer"][doing] for doing in ("alone", "capture", "train")]
+        yield (
+            "what a viewer's browser on the same cores shows of a meeting, by the server: before "
+            "that; while the clip is captured; while the model is trained",
+            "; ".join(f"{one['frames_per_second']:.0f} a second" for one in seen),
+        )
 
 
 def _train(figures: Figures) -> _Rows:
