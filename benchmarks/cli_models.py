@@ -16,6 +16,7 @@ from benchmarks.cli_options import (
     Motion,
     Only,
     Picture,
+    landmark_models,
     pose_model,
     start,
 )
@@ -111,10 +112,10 @@ def covered_torso(
 ) -> None:
     """The torso where hands were in front of it, against the rest of it: lifelike performers."""
     require_human_assets(assets)
-    from benchmarks.covered_torso import run
+    from benchmarks.covered_torso import OutsideData, run
 
     writer = start("covered-torso", commits, narrowed=bool(only) or clock != "processor")
-    run(writer, assets, backbone, clock, only)
+    run(writer, OutsideData(assets, backbone, *landmark_models()), clock, only)
 
 
 @app.command("train")

@@ -5,36 +5,46 @@ that no frame shows all of it; 60 frames, exact poses. Then they are drawn with 
 Each pixel of the torso knows in how many frames of the clip a hand or forearm hid its place on the
 surface. Of what hands hid in a fifth of them and more, and of what they hid in a twentieth at most,
 LPIPS is that of the truth with that part alone taken from the model, over the part's share of the
-picture.
+picture. Once so, and once from pixels alone: filmed before a room and captured, each test pose
+aligned with its own picture.
 """
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from scipy.optimize import least_squares
 
+from benchmarks.real.filmed import whole_camera
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
+from capture.pipeline import CaptureOptions, capture_clip
+from capture.sources.clips import read_clip
 from capture.storage import open_sequence, write_sequence
 from capture.studio.lifelike.performer import DressedPerformer, make_lifelike_performer
 from capture.studio.motions import turntable_motion
 from capture.studio.named_performers import LIFELIKE_PERFORMERS
+from capture.studio.room import room_background
 from renderer.evaluation.lpips import Lpips
+from renderer.evaluation.pose_alignment import Aligner
 from renderer.training import train
 from scene.arrays import Array, Bool, Float, Int
 from scene.camera import Camera, orbit_camera
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import Frame, PoseTrust
+from scene.sequence import Frame, PoseTrust, Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
 
 PERFORMERS = ("hazel", "jasper", "moss")
+POSES = ("exact", "captured")
 MUST, AIM = 0.03, 0.01
 BUDGET_S = 60.0
 FRAMES, RATE_HZ, TEST_FRAMES, SIZE_PX = 60, 10.0, 8, 384
@@ -43,6 +53,7 @@ COVERED_SHARE, REST_SHARE = 0.2, 0.05
 _TARGET, _DISTANCE_M, _FIELD_OF_VIEW_RAD = (0.0, 1.25, 0.0), 1.6, 0.6
 _BEFORE_CHEST_M, _REACH_M, _UP_M = 0.22, 0.13, 0.12
 _TURN_RAD = 0.15
+_ROOM_SEED = 3
 _TORSO = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
 _COVERING = tuple(
     f"{side}_{part}" for side in ("left", "right") for part in ("elbow", "wrist", "hand")
@@ -50,6 +61,9 @@ _COVERING = tuple(
 _TORSO_JOINTS, _COVERING_JOINTS = (
     [JOINT_NAMES.index(name) for name in names] for names in (_TORSO, _COVERING)
 )
+
+
+Filming = Callable[["Covered", Motion, Motion, Path], tuple[Sequence, list[Frame]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +110,18 @@ class Covered:
         return weights[self.performer.surface.faces].sum(axis=1).argmax(axis=1)
 
 
-def run(
-    writer: FigureWriter, assets: Path, backbone: Path, clock_name: str, only: str = ""
-) -> None:
+@dataclass(frozen=True)
+class OutsideData:
+    """Where what does not ship with the package lies: performers, and networks."""
+
+    assets: Path
+    backbone: Path
+    pose: Path
+    face: Path
+    hand: Path
+
+
+def run(writer: FigureWriter, outside: OutsideData, clock_name: str, only: str = "") -> None:
     """Measure who was not measured yet, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
     conditions = {
@@ -107,61 +130,45 @@ def run(
         "budget_s": BUDGET_S,
         "covered_share": COVERED_SHARE,
         "rest_share": REST_SHARE,
-        "lpips": backbone.name,
+        "lpips": outside.backbone.name,
         **clock.about(),
     }
     rows = []
-    for name in PERFORMERS:
+    for name, poses in product(PERFORMERS, POSES):
         row = cache.measured(
-            name,
+            f"{name}-{poses}",
             conditions,
-            lambda name=name: measure(name, assets, backbone, clock, BUDGET_S),
+            lambda who=name, how=poses: measure(who, how, outside, clock, BUDGET_S),
         )
         if row is not None:
-            rows.append({"performer": name, **row})
+            rows.append({"performer": name, "poses": poses, **row})
     writer.write({**conditions, "must": MUST, "aim": AIM, "rows": rows})
 
 
 def measure(
-    name: str,
-    assets: Path,
-    backbone: Path,
-    clock: Clock,
-    budget_s: float | None,
-    iterations: int | None = None,
+    name: str, poses: str, outside: OutsideData, clock: Clock, budget_s: float
 ) -> dict[str, Any]:
     """LPIPS of the torso that hands covered, and of the rest of it, hands away."""
-    performer = make_lifelike_performer(LIFELIKE_PERFORMERS[name], assets)
+    performer = make_lifelike_performer(LIFELIKE_PERFORMERS[name], outside.assets)
     camera = orbit_camera(_TARGET, _DISTANCE_M, 0.0, 0.0, SIZE_PX, SIZE_PX, _FIELD_OF_VIEW_RAD)
-    scene, lpips = Covered(performer, camera), Lpips(backbone)
+    scene, lpips = Covered(performer, camera), Lpips(outside.backbone)
     skeleton = performer.body.skeleton
     clip, away = hands_before_chest(skeleton, FRAMES), hands_away(TEST_FRAMES)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "clip"
-        write_sequence(
-            path,
-            person=name,
-            frames_per_second=RATE_HZ,
-            body=performer.known_body,
-            train=(_frame(scene, clip.pose(number)) for number in range(FRAMES)),
-            source="hands before the chest",
-            pose_trust=PoseTrust.EXACT,
-        )
+        captured = poses == "captured"
+        film = _captured(outside) if captured else _known
+        sequence, judged = film(scene, clip, away, Path(folder))
         model = train(
-            open_sequence(path),
-            preset="splats",
-            budget_s=budget_s,
-            iterations=iterations,
-            find_light=True,
-            clock=clock.now,
+            sequence, preset="splats", budget_s=budget_s, find_light=True, clock=clock.now
         )
+        aligner = Aligner(model, sequence) if captured else None
     hidden, joints = scene.hidden_shares(clip), scene.joints
     found: dict[str, list[float]] = {"covered": [], "rest": []}
     shares: dict[str, list[float]] = {"covered": [], "rest": []}
-    for number in range(TEST_FRAMES):
-        truth = _frame(scene, away.pose(number))
-        made = np.clip(model.render(camera, truth.pose)[..., :3], 0.0, 1.0)
-        triangle = scene.triangles(truth.pose)
+    for number, truth in enumerate(judged):
+        pose = truth.pose if aligner is None else aligner.align(truth)
+        made = np.clip(model.render(truth.camera, pose)[..., :3], 0.0, 1.0)
+        triangle = scene.triangles(away.pose(number))
         torso = (triangle >= 0) & np.isin(joints[triangle], _TORSO_JOINTS)
         parts = {
             "covered": torso & (hidden[triangle] >= COVERED_SHARE),
@@ -177,8 +184,64 @@ def measure(
         "lpips_more": round(covered - rest, 4),
         **{f"{part}_of_torso": round(float(np.mean(shares[part])), 3) for part in shares},
     }
-    print(name, row, flush=True)
+    print(name, poses, row, flush=True)
     return row
+
+
+def _known(
+    scene: Covered, clip: Motion, away: Motion, folder: Path
+) -> tuple[Sequence, list[Frame]]:
+    """What is trained on, and the frames that judge: poses, masks and camera are exact."""
+    write_sequence(
+        folder / "clip",
+        person="known",
+        frames_per_second=RATE_HZ,
+        body=scene.performer.known_body,
+        train=(_frame(scene, clip.pose(number)) for number in range(len(clip))),
+        source="hands before the chest",
+        pose_trust=PoseTrust.EXACT,
+    )
+    frames = [_frame(scene, away.pose(number)) for number in range(len(away))]
+    return open_sequence(folder / "clip"), frames
+
+
+def _captured(outside: OutsideData) -> Filming:
+    """The same from pixels: both motions are one film before a room, which is captured; its first
+    part is trained on. Only the focal length is known."""
+
+    def film(
+        scene: Covered, clip: Motion, away: Motion, folder: Path
+    ) -> tuple[Sequence, list[Frame]]:
+        room = room_background(scene.camera, _ROOM_SEED)
+        poses = [motion.pose(number) for motion in (clip, away) for number in range(len(motion))]
+        pictures = folder / "film"
+        pictures.mkdir()
+        filmed = [_frame(scene, pose) for pose in poses]
+        for number, frame in enumerate(filmed):
+            image = np.clip(frame.image + (1.0 - frame.mask[..., None]) * room, 0.0, 1.0)
+            pixels = (255.0 * image[..., ::-1] + 0.5).astype(np.uint8)
+            cv2.imwrite(str(pictures / f"{number:03d}.png"), pixels)
+        focal_px = float(scene.camera.intrinsics[0, 0])
+        options = CaptureOptions(
+            person="captured",
+            pose_model=outside.pose,
+            face_model=outside.face,
+            hand_model=outside.hand,
+            focal_px=focal_px,
+        )
+        capture_clip(pictures, folder / "clip", options)
+        captured = open_sequence(folder / "clip")
+        times_s = read_clip(pictures, len(poses)).times_s
+        size = (scene.camera.width, scene.camera.height)
+        camera = whole_camera(captured.train.camera(0), focal_px, size)
+        judged = [
+            Frame(frame.image, frame.mask, camera, captured.motion.pose_at(float(time_s)))
+            for frame, time_s in zip(filmed[len(clip) :], times_s[len(clip) :], strict=True)
+        ]
+        before = captured.motion.times_s < times_s[len(clip)] - 1e-6
+        return captured.part(np.flatnonzero(before).tolist()), judged
+
+    return film
 
 
 @torch.no_grad()

@@ -88,6 +88,7 @@ def covered_torso(figures: Figures) -> str:
     rows = [
         [
             row["performer"],
+            row["poses"],
             f"{row['lpips_covered']:.3f} ({100 * row['covered_of_torso']:.0f} %)",
             f"{row['lpips_rest']:.3f} ({100 * row['rest_of_torso']:.0f} %)",
             f"{row['lpips_more']:+.3f}",
@@ -95,15 +96,16 @@ def covered_torso(figures: Figures) -> str:
         for row in figures["rows"]
     ]
     sentence = (
-        f"{len(rows)} lifelike performers, {figures['frames']} frames of {figures['size']} x "
-        f"{figures['size']} from the waist up, hands before the chest throughout; then, hands "
+        f"{len({row['performer'] for row in figures['rows']})} lifelike performers, "
+        f"{figures['frames']} frames of {figures['size']} x {figures['size']} from the waist up, "
+        "hands before the chest throughout, with exact poses or captured from pixels; then, hands "
         f"away, LPIPS (`{figures['lpips'].removesuffix('.pth')}`) of what hands had hidden in "
         f"{100 * figures['covered_share']:.0f} % of the frames and more, and of what they had "
         f"hidden in at most {100 * figures['rest_share']:.0f} %, with how much of the torso that "
         f"is (`metanerf bench covered-torso`); {figures['must']:g} more is allowed, "
         f"{figures['aim']:g} aimed at:"
     )
-    head = ["performer", "covered", "the rest", "more"]
+    head = ["performer", "poses", "covered", "the rest", "more"]
     return "\n\n".join([sentence, markdown_table(head, rows), measured_at(figures)])
 
 
