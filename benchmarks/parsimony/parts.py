@@ -98,6 +98,7 @@ PARTS = (
         "trainer.hidden_by_limbs",
         lambda _, limbs, *__: _none_of(limbs),
     ),
+    _of_unseen_sides("fingers of skin", REAL, "trainer.strays_on_hands", _none_of),
     _of_training("smooth hands", REAL, "trained_splats.TrainedSplats.pull_hands", lambda *_: None),
     _of_training("fingers bent", REAL, "finger_bends.FingerBends.learn", lambda *_: None),
     _without("gaze", ("grey-shirt",), clip=_looking_ahead),

@@ -45,6 +45,12 @@ class Evidence:
         """Which splats the frames show."""
         return self.pixels > SEEN_PX * self.open_px
 
+    def without(self, splats: Bool[Array, "N"]) -> Evidence:
+        """As if nothing had shown those `splats`."""
+        return Evidence(
+            np.where(splats, 0.0, self.pixels), np.where(splats, 0.0, self.facing), self.open_px
+        )
+
     def taken(self, splats: Int[Array, "K"]) -> Evidence:
         """Of those `splats`, in this order."""
         return Evidence(self.pixels[splats], self.facing[splats], self.open_px)

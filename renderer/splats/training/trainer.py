@@ -42,6 +42,7 @@ from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
 from renderer.splats.training.step_views import StepViews
 from renderer.splats.training.strands import with_strands
+from renderer.splats.training.strays import strays_on_hands
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
 from renderer.splats.training.unseen_sides import guess_sides
 from renderer.splats.training.views import View, read_views
@@ -431,7 +432,11 @@ class SplatTrainer:
             facing = surface_cosines(self.splats.first, transforms, view.window.position)
             # cloth turns as it swings, and is seen from within too
             cosines.append(np.where(self.splats.first.quads == NO_CLOTH, facing, 1.0))
-        return Evidence.of_frames(np.stack(shown), np.stack(cosines))
+        found = Evidence.of_frames(np.stack(shown), np.stack(cosines))
+        splats = self.splats
+        return found.without(
+            strays_on_hands(splats.parameters, found, splats.joints, splats.weights)
+        )
 
     def _falling(self, fraction: float) -> np.float32:
         """What rates fall to."""
