@@ -170,7 +170,7 @@ SUBJECTS = (
         "patterned-shirt", "real, at a webcam", WebcamClip("patterned_shirt_sister"), real=True
     ),
 )
-QUICK = (LadderSubject("uniform", "as above, small", Studio(size=96, frames=24), as_field=True),)
+QUICK = (LadderSubject("uniform", "as above, small", Studio(size=96, frames=24)),)
 
 
 def about(subject: LadderSubject) -> dict[str, Any]:
