@@ -11,6 +11,7 @@ from unittest import mock
 import numpy as np
 
 from renderer.splats.settings import Size, SplatSettings
+from scene.expression import blend_shape_weights
 from scene.sequence import Sequence
 
 NUMBERS = (250, 1000, 4000, 16_000, 64_000, 100_000)
@@ -64,16 +65,16 @@ def _no_expressions(clip: Sequence) -> Sequence:
 
 
 def _half_the_expressions(clip: Sequence) -> Sequence:
-    """The blend shapes that the clip shows most; the others stay at rest."""
-    directions, expressions = clip.body.expression_directions, clip.motion.expressions.copy()
+    """Those that the clip shows most; the others stay at rest."""
+    directions, expressions = clip.body.expression_directions, clip.motion.expressions
     order = np.argsort(-np.abs(expressions).mean(axis=0), kind="stable")
-    left_out = order[len(order) // 2 :]
-    expressions[:, left_out] = 0.0
+    kept = np.zeros(len(order))
+    kept[order[: len(order) // 2]] = 1.0
     if directions is not None:
-        directions = directions.copy()
-        directions[left_out] = 0.0
+        moved = blend_shape_weights(0.5 * kept) > 0.0
+        directions = directions * moved[:, None, None]
     body = replace(clip.body, expression_directions=directions)
-    return replace(clip, body=body, motion=replace(clip.motion, expressions=expressions))
+    return replace(clip, body=body, motion=replace(clip.motion, expressions=kept * expressions))
 
 
 def _number(count: int) -> Rung:

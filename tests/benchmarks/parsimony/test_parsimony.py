@@ -14,7 +14,7 @@ from benchmarks.parsimony.measure import worth
 from benchmarks.parsimony.rungs import LADDER, Rung
 from benchmarks.parsimony.subjects import SUBJECTS, about
 from renderer.splats.settings import SplatSettings
-from scene.expression import BLEND_SHAPE_COUNT
+from scene.expression import BLEND_SHAPE_COUNT, CURLS, EXPRESSION_COUNT
 from tests.renderer.studio import make_sequence
 
 
@@ -107,8 +107,11 @@ def test_half_of_the_expressions_are_those_that_the_clip_shows_most():
     assert not half.motion.expressions[:, ::2].any()
     kept = half.body.expression_directions
     assert kept is not None
-    assert (kept[1::2] == 1.0).all()
-    assert not kept[::2].any()
+    assert (kept[:EXPRESSION_COUNT][1::2] == 1.0).all()
+    assert not kept[:EXPRESSION_COUNT][::2].any()
+    curls = np.arange(CURLS.start, CURLS.stop)
+    in_between = kept[EXPRESSION_COUNT:].any(axis=(1, 2))
+    assert (in_between == (curls % 2 == 1)).all(), "a finger's curl keeps its in-between, or loses"
 
 
 def test_subjects_differ_and_tell_their_clip():
