@@ -71,6 +71,7 @@ def _ladders(figures: Figures) -> Iterator[str]:
     """A table a person."""
     for subject in figures["subjects"]:
         rows = [row for row in figures["rows"] if row["subject"] == subject["name"]]
+        parts = [one for one in _PARTS if any(row.get(f"{one}_psnr") for row in rows)]
         shown = []
         for group, words in _RUNGS.items():
             names = dict.fromkeys(row["name"] for row in rows if row["group"] == group)
@@ -80,11 +81,12 @@ def _ladders(figures: Figures) -> Iterator[str]:
                 found = _mean(rows, subject["name"], group, name)
                 assert found is not None
                 told = f"{int(name):,}" if name.isdigit() else name
-                accuracies = [_accuracy(found, part) for part in _PARTS]
+                accuracies = [_accuracy(found, part) for part in parts]
                 shown.append([words.format(told), *accuracies, *_costs(found, "viewer_megabytes")])
         if shown:
             yield f"**{subject['name']}**: {subject['words']}"
-            yield markdown_table(["", "body, dB / LPIPS", "face", *_COSTS], shown)
+            heads = [f"{part}, dB / LPIPS" for part in parts]
+            yield markdown_table(["trained with", *heads, *_COSTS], shown)
 
 
 def _field(figures: Figures) -> list[str]:
