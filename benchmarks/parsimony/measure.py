@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -34,28 +34,7 @@ STEPS = {"studio": 600, "real": 400, "quick": 60}
 _ASKED_EVERY_STEPS = 20
 _ACCURACIES = ("_psnr", "_lpips", "_percent")
 """How the names of measures end that say how near a model comes to the truth."""
-
-
-class Step(Protocol):
-    """One way to train, by its names in the figures."""
-
-    @property
-    def group(self) -> str:
-        """What is changed."""
-        ...
-
-    @property
-    def name(self) -> str:
-        """To what."""
-        ...
-
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """A training each."""
-        ...
-
-
-_S = TypeVar("_S", bound=Step)
+_R = TypeVar("_R", Rung, FieldRung)
 
 
 def run(
@@ -94,10 +73,10 @@ def run(
 def measured_rows(
     cache: MeasurementCache,
     subject: LadderSubject,
-    rungs: Iterable[_S],
+    rungs: Iterable[_R],
     steps: int,
     clock: Clock,
-    measure: Callable[[_S, int], dict[str, Any]],
+    measure: Callable[[_R, int], dict[str, Any]],
 ) -> list[dict[str, Any]]:
     """A row a rung and seed of what is stored, or found now by `measure`."""
     rows = []
