@@ -86,7 +86,7 @@ def _ladders(figures: Figures) -> Iterator[str]:
         if shown:
             yield f"**{subject['name']}**: {subject['words']}"
             heads = [f"{part}, dB / LPIPS" for part in parts]
-            yield markdown_table(["trained with", *heads, *_COSTS], shown)
+            yield _filled_table(["trained with", *heads, *_COSTS], shown)
 
 
 def _field(figures: Figures) -> list[str]:
@@ -113,6 +113,13 @@ def _costs(row: dict[str, float], megabytes: str) -> list[str]:
         f"{row['p50_ms']:.1f}",
         f"{row['training_s']:.0f}",
     ]
+
+
+def _filled_table(head: list[str], rows: list[list[str]]) -> str:
+    """Without columns in which no row has anything."""
+    filled = [column for column in range(len(head)) if any(row[column] for row in rows)]
+    chosen = [[row[column] for column in filled] for row in [head, *rows]]
+    return markdown_table(chosen[0], chosen[1:])
 
 
 def _counted(number: float) -> str:
