@@ -10,16 +10,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks.frontier.speed import STEPS, Draw, timed, timed_steps, weights_of
+from benchmarks.frontier.speed import STEPS, drawing, timed, timed_steps, weights_of
 from benchmarks.frontier.training import RUNS, SCALED, accuracy, trained
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from renderer.performer_model import PerformerModel
 from renderer.presets import EXACT
-from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.sequence import Sequence
 
 FRAMES, SIZE = 60, 256
@@ -93,22 +91,12 @@ def _speeds(
 
         def measure(name: str = name, budget_s: float = budgets[-1]) -> dict[str, Any]:
             model, _ = trained(clip, name, budget_s, state, backbone, clock)
-            return {**timed(clip, _drawing(model), clock), **weights_of(name)}
+            return {**timed(clip, drawing(model), clock), **weights_of(name)}
 
         of = {"preset": name, "data": clip.data_hash, **clock.about()}
         row = cache.measured(f"speed/{name}", of, measure)
         rows += [] if row is None else [{"preset": name, **row}]
     return rows
-
-
-def _drawing(model: PerformerModel) -> Draw:
-    """How a server draws `model`: what lasts is kept between frames, transforms are not."""
-    if model.splats is None:
-        return model.render
-    renderer, skeleton = SplatRenderer((model.splats,)), model.skeleton
-    return lambda camera, pose: renderer.render(
-        camera, [skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)]
-    )
 
 
 def _steps(clip: Sequence, cache: MeasurementCache, clock: Clock) -> list[dict[str, Any]]:

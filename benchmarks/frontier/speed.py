@@ -19,7 +19,9 @@ from benchmarks.reporting.timing import Clock, milliseconds
 from renderer.catalogue import describe_preset
 from renderer.evaluation.metrics import psnr
 from renderer.field.rendering.field_renderer import FieldRenderer
+from renderer.performer_model import PerformerModel
 from renderer.presets import EXACT, find_preset
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array
 from scene.camera import Camera
 from scene.motion import Pose
@@ -42,6 +44,16 @@ _LEAST_PX, _LEAST_FRAMES = 64, 3
 _COMPARED_PX = 128
 
 Draw = Callable[[Camera, Pose], Array]
+
+
+def drawing(model: PerformerModel) -> Draw:
+    """How a server draws `model`: what lasts is kept between frames, transforms are not."""
+    if model.splats is None:
+        return model.render
+    renderer, skeleton = SplatRenderer((model.splats,)), model.skeleton
+    return lambda camera, pose: renderer.render(
+        camera, [skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)]
+    )
 
 
 @dataclass(frozen=True)

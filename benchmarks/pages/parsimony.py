@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,21 @@ from benchmarks.reporting.markdown import markdown_table
 
 _NOISE = 2.0
 """Standard errors within which a difference is nothing."""
+_PARTS = ("body", "face")
+_COSTS = ["parameters", "MB", "ms a view", "training, s"]
 
 
 def parsimony(figures: Figures) -> str:
-    """Sizes, the ladder, and what each part is worth."""
+    """Sizes, the ladders, and what each part is worth."""
     return "\n\n".join(
         [
             f"LPIPS is on `{figures['lpips']}`; seconds and milliseconds are of one thread.",
             "![Accuracy against megabytes](figures/parsimony.png)",
             "### As few as the clip shows a need for",
             _sizes(figures),
-            "### The ladder",
-            _ladder(figures),
+            "### The ladder of splats",
+            *_ladders(figures),
+            *_field(figures),
             "### Each part left out alone",
             "What the whole method is better by: dB / LPIPS x1000 of the body, and of the face; "
             "the mean over seeds ± its standard error. **Bold**: more than noise.",
@@ -53,30 +57,77 @@ def _sizes(figures: Figures) -> str:
     return markdown_table(head, rows)
 
 
-_PARTS = ("body", "face")
+_RUNGS = {
+    "number": "{} splats",
+    "size": "as many as the clip shows pixels",
+    "pictures": "the same, pictures of {} px",
+    "expressions": "the same, half of the expressions",
+    "without": "the same, no expressions",
+}
+"""A ladder's groups in their order, and how their rungs are told."""
 
 
-def _ladder(figures: Figures) -> str:
-    names = [subject["name"] for subject in figures["subjects"]]
-    keys = dict.fromkeys(
-        (row["group"], row["name"])
-        for row in figures["rows"]
-        if row["group"] in ("number", "pictures")
-    )
-    rows = []
-    for group, name in keys:
-        found = [_mean(figures["rows"], subject, group, name) for subject in names]
-        words = f"{int(name):,} splats" if group == "number" else f"pictures of {name} px"
-        rows.append([words, *("" if one is None else _cell(one) for one in found)])
-    return markdown_table(["body, dB / LPIPS; MB; training", *names], rows)
+def _ladders(figures: Figures) -> Iterator[str]:
+    """A table a person."""
+    for subject in figures["subjects"]:
+        rows = [row for row in figures["rows"] if row["subject"] == subject["name"]]
+        parts = [one for one in _PARTS if any(row.get(f"{one}_psnr") for row in rows)]
+        shown = []
+        for group, words in _RUNGS.items():
+            names = dict.fromkeys(row["name"] for row in rows if row["group"] == group)
+            for name in names:
+                if group in ("size", "without") and name not in ("full", "expressions"):
+                    continue
+                found = _mean(rows, subject["name"], group, name)
+                assert found is not None
+                told = f"{int(name):,}" if name.isdigit() else name
+                accuracies = [_accuracy(found, part) for part in parts]
+                shown.append([words.format(told), *accuracies, *_costs(found, "viewer_megabytes")])
+        if shown:
+            yield f"**{subject['name']}**: {subject['words']}"
+            heads = [f"{part}, dB / LPIPS" for part in parts]
+            yield _filled_table(["trained with", *heads, *_COSTS], shown)
 
 
-def _cell(row: dict[str, float]) -> str:
-    return f"{_accuracy(row, 'body')}; {row['viewer_megabytes']:.2f}; {row['training_s']:.0f} s"
+def _field(figures: Figures) -> list[str]:
+    """What is changed about it, a row each: costs are means over the people it was measured on."""
+    rows = [row for row in figures["rows"] if row["group"] == "field"]
+    if not rows:
+        return []
+    subjects = list(dict.fromkeys(row["subject"] for row in rows))
+    shown = []
+    for name in dict.fromkeys(row["name"] for row in rows):
+        found = [_mean(rows, subject, "field", name) for subject in subjects]
+        cost = _means([row for row in rows if row["name"] == name])
+        accuracies = ["" if one is None else _accuracy(one, "body") for one in found]
+        shown.append([name, *accuracies, *_costs(cost, "megabytes")])
+    table = markdown_table(["body, dB / LPIPS", *subjects, *_COSTS], shown)
+    return ["### The ladder of a neural field", table]
+
+
+def _costs(row: dict[str, float], megabytes: str) -> list[str]:
+    parameters = row.get("parameters")
+    return [
+        "" if parameters is None else _counted(parameters),
+        f"{row[megabytes]:.2f}",
+        f"{row['p50_ms']:.1f}",
+        f"{row['training_s']:.0f}",
+    ]
+
+
+def _filled_table(head: list[str], rows: list[list[str]]) -> str:
+    """Without columns in which no row has anything."""
+    filled = [column for column in range(len(head)) if any(row[column] for row in rows)]
+    chosen = [[row[column] for column in filled] for row in [head, *rows]]
+    return markdown_table(chosen[0], chosen[1:])
+
+
+def _counted(number: float) -> str:
+    return f"{number / 1e6:.2f} M" if number >= 1e6 else f"{number / 1e3:.1f} k"
 
 
 def _worth(figures: Figures) -> str:
-    names = [subject["name"] for subject in figures["subjects"]]
+    names = list(dict.fromkeys(row["subject"] for row in figures["worth"]))
     parts = dict.fromkeys(row["name"] for row in figures["worth"])
     rows = []
     for part in parts:
@@ -114,7 +165,9 @@ def _mean(
 ) -> dict[str, float] | None:
     """Over seeds."""
     chosen = [r for r in rows if (r["subject"], r["group"], r["name"]) == (subject, group, name)]
-    if not chosen:
-        return None
-    numbers = [key for key, value in chosen[0].items() if isinstance(value, int | float)]
-    return {key: float(np.mean([row[key] for row in chosen])) for key in numbers}
+    return _means(chosen) if chosen else None
+
+
+def _means(rows: list[dict[str, Any]]) -> dict[str, float]:
+    numbers = [key for key, value in rows[0].items() if isinstance(value, int | float)]
+    return {key: float(np.mean([row[key] for row in rows])) for key in numbers}

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from benchmarks.parsimony.measure import STEPS, OnDemand, measured_rows, worth
+from benchmarks.parsimony.measure import STEPS, OnDemand, measured, measured_rows, worth
 from benchmarks.parsimony.parts import PARTS, WHOLE
 from benchmarks.parsimony.people import PEOPLE, RealPerson
 from benchmarks.parsimony.rungs import Rung
@@ -22,7 +23,11 @@ def run(writer: FigureWriter, footage: OutsideData, clock_name: str, only: str) 
         rungs = [WHOLE, *(part.rung for part in PARTS if subject.name in part.people)]
         films = _Films(subject, writer.measurements / "clips", footage)
         begun = writer.measurements / "begun"
-        rows += measured_rows(cache, subject, rungs, films, STEPS["real"], clock, begun)
+
+        def measure(rung: Rung, seed: int, f: _Films = films, b: Path = begun) -> dict[str, Any]:
+            return measured(rung, seed, STEPS["real"], f(rung), clock, b)
+
+        rows += measured_rows(cache, subject, rungs, STEPS["real"], clock, measure)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-_COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7")
+_COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00")
 """Okabe and Ito's, told apart by the colour-blind too."""
 _PANELS = (
     ("body_psnr", "PSNR of the body, dB"),
@@ -27,7 +28,7 @@ def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
 
     figure, panels = pyplot.subplots(1, 3, figsize=(11, 3.8), layout="constrained")
     for axes, (measure, words) in zip(panels, _PANELS, strict=True):
-        for subject, colour in zip(figures["subjects"], _COLOURS, strict=False):
+        for subject, colour in zip(figures["subjects"], cycle(_COLOURS), strict=False):
             line = _points(figures["rows"], subject["name"], "number", None, measure)
             if not line:
                 continue  # a performer without a face that is judged

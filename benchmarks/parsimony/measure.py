@@ -5,39 +5,36 @@ Trainings are of a fixed number of steps, so that a busy machine changes their t
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from benchmarks.parsimony.costs import costs
+from benchmarks.parsimony.fields import FIELD_LADDER, FieldRung, measured_field
+from benchmarks.parsimony.fields import STEPS as FIELD_STEPS
 from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung, patched
 from benchmarks.parsimony.subjects import QUICK as QUICK_SUBJECTS
 from benchmarks.parsimony.subjects import SUBJECTS, Filmed, LadderSubject, OutsideData, about
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.measurements import MeasurementCache
-from benchmarks.reporting.timing import Clock, clock_named, milliseconds
+from benchmarks.reporting.timing import Clock, clock_named
 from renderer.errors import TrainingStopped
-from renderer.model_files import save_model
 from renderer.presets import find_preset
 from renderer.splats.files.viewer_file import encode
-from renderer.splats.model import SplatModel
-from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
-from scene.camera import orbit_camera
 from scene.sequence import Sequence
 
 STEPS = {"studio": 600, "real": 400, "quick": 60}
-_VIEW_PX, _VIEWS = 512, 12
 _ASKED_EVERY_STEPS = 20
 _ACCURACIES = ("_psnr", "_lpips", "_percent")
 """How the names of measures end that say how near a model comes to the truth."""
+_R = TypeVar("_R", Rung, FieldRung)
 
 
 def run(
@@ -53,7 +50,16 @@ def run(
         if quick:
             rungs = [replace(rung, seeds=rung.seeds[:1]) for rung in rungs]
         steps = STEPS["quick" if quick else "real" if subject.real else "studio"]
-        rows += measured_rows(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
+
+        def splats(rung: Rung, seed: int, f: OnDemand = filmed, s: int = steps) -> dict[str, Any]:
+            return measured(rung, seed, s, f(), clock, None)
+
+        def field(rung: FieldRung, seed: int, f: OnDemand = filmed) -> dict[str, Any]:
+            return measured_field(rung, seed, FIELD_STEPS, f(), clock)
+
+        rows += measured_rows(cache, subject, rungs, steps, clock, splats)
+        if subject.as_field:
+            rows += measured_rows(cache, subject, FIELD_LADDER, FIELD_STEPS, clock, field)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,
@@ -67,17 +73,12 @@ def run(
 def measured_rows(
     cache: MeasurementCache,
     subject: LadderSubject,
-    rungs: Iterable[Rung],
-    filmed: Callable[[Rung], Filmed],
+    rungs: Iterable[_R],
     steps: int,
     clock: Clock,
-    begun: Path | None = None,
+    measure: Callable[[_R, int], dict[str, Any]],
 ) -> list[dict[str, Any]]:
-    """A row a rung and seed of what is stored, or measured now on what is `filmed` for the rung.
-
-    Args:
-        begun: folder for trainings that rungs go on from.
-    """
+    """A row a rung and seed of what is stored, or found now by `measure`."""
     rows = []
     for rung in rungs:
         for seed in rung.seeds:
@@ -86,7 +87,7 @@ def measured_rows(
             found = cache.measured(
                 f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
                 {**row, **about(subject), **clock.about()},
-                lambda r=rung, s=seed: measured(r, s, steps, filmed(r), clock, begun),
+                lambda r=rung, s=seed: measure(r, s),
             )
             rows += [] if found is None else [{**row, **found}]
     return rows
@@ -110,6 +111,11 @@ class OnDemand:
 def measured(
     rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock, begun: Path | None
 ) -> dict[str, Any]:
+    """Splats trained so: what they cost, and how near they come to the truth.
+
+    Args:
+        begun: folder for trainings that rungs go on from.
+    """
     checkpoint = None
     if begun is not None and rung.from_filling:
         checkpoint = _trained_until_filled(filmed.clip, seed, steps, begun)
@@ -129,10 +135,9 @@ def measured(
     assert model is not None
     return {
         "splats": len(model),
-        "megabytes": _megabytes(model),
         "viewer_megabytes": round(len(encode(model)) / 1e6, 3),
         "training_s": round(training_s, 2),
-        **_milliseconds(model, clock),
+        **costs(model, clock),
         **filmed.judged(model),
         **({"size": model.metrics["size"]} if "size" in model.metrics else {}),
     }
@@ -161,28 +166,6 @@ def _standing() -> float:
     """A clock that stands still: a training writes no checkpoint but when it is stopped, and asks
     whether to stop after each `_ASKED_EVERY_STEPS`."""
     return 0.0
-
-
-def _megabytes(model: SplatModel) -> float:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.safetensors"
-        save_model(model, path)
-        return round(os.path.getsize(path) / 1e6, 3)
-
-
-def _milliseconds(model: SplatModel, clock: Clock) -> dict[str, float]:
-    """Pose to pixels, from all round."""
-    renderer, skeleton = SplatRenderer((model,)), model.skeleton
-    seconds = []
-    for view in range(_VIEWS + 1):
-        pose = model.motion.pose(view * (len(model.motion) - 1) // _VIEWS)
-        eye_level = (0.0, 0.55 * skeleton.height_m + pose.root_translation[1], 0.0)
-        camera = orbit_camera(eye_level, 2.0 * skeleton.height_m, view, 0.1, _VIEW_PX, _VIEW_PX)
-        upright = np.array([0.0, pose.root_translation[1], 0.0])
-        begun = clock.now()
-        renderer.render(camera, [skeleton.skinning_transforms(pose.joint_angles, upright)])
-        seconds.append(clock.now() - begun)
-    return milliseconds(seconds[1:])
 
 
 def worth(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -11,6 +11,7 @@ from unittest import mock
 import numpy as np
 
 from renderer.splats.settings import Size, SplatSettings
+from scene.expression import blend_shape_weights
 from scene.sequence import Sequence
 
 NUMBERS = (250, 1000, 4000, 16_000, 64_000, 100_000)
@@ -28,7 +29,7 @@ class Rung:
     """One way to train."""
 
     group: str
-    """`number`, `pictures`, `size` or `without`."""
+    """`number`, `pictures`, `expressions`, `size` or `without`."""
     name: str
     settings: Callable[[SplatSettings], SplatSettings] = lambda settings: settings
     clip: Callable[[Sequence], Sequence] = lambda clip: clip
@@ -63,6 +64,19 @@ def _no_expressions(clip: Sequence) -> Sequence:
     return replace(clip, body=replace(clip.body, expression_directions=None), motion=motion)
 
 
+def _half_the_expressions(clip: Sequence) -> Sequence:
+    """Those that the clip shows most; the others stay at rest."""
+    directions, expressions = clip.body.expression_directions, clip.motion.expressions
+    order = np.argsort(-np.abs(expressions).mean(axis=0), kind="stable")
+    kept = np.zeros(len(order))
+    kept[order[: len(order) // 2]] = 1.0
+    if directions is not None:
+        moved = blend_shape_weights(0.5 * kept) > 0.0
+        directions = directions * moved[:, None, None]
+    body = replace(clip.body, expression_directions=directions)
+    return replace(clip, body=body, motion=replace(clip.motion, expressions=kept * expressions))
+
+
 def _number(count: int) -> Rung:
     # coarse splats first, as always, but for few
     return Rung("number", str(count), _set(count=count, most=count))
@@ -82,6 +96,7 @@ LADDER = (
     Rung("size", "auto", size="auto", seeds=SEEDS),
     *(_number(count) for count in NUMBERS),
     *(_pictures(side) for side in PICTURES_PX),
+    Rung("expressions", "half", clip=_half_the_expressions, real_alone=True),
     replace(AS_IT_IS, group="without", name="light of the clip", find_light=False),
     replace(AS_IT_IS, group="without", name="expressions", clip=_no_expressions, real_alone=True),
     _without("density where frames look", real_alone=True, unseen_density=1e9),

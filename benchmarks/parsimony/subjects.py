@@ -50,6 +50,8 @@ class LadderSubject:
     film: Callable[[Path, OutsideData], Filmed]
     """Into a folder, or from it where that has been done."""
     real: bool = False
+    as_field: bool = False
+    """A neural field of them is trained, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +157,14 @@ def judged_parts(
 
 
 SUBJECTS = (
-    LadderSubject("uniform", "painted, clothes of one colour each, turns in place", Studio()),
-    LadderSubject("amber", "painted, stripes and letters, dances", Studio("amber")),
-    LadderSubject("flint", "lifelike, walks", Studio("flint", lifelike=True)),
+    LadderSubject(
+        "uniform", "painted, clothes of one colour each, turns in place", Studio(), as_field=True
+    ),
+    LadderSubject("amber", "painted, stripes and letters, dances", Studio("amber"), as_field=True),
+    LadderSubject("flint", "lifelike, walks", Studio("flint", lifelike=True), as_field=True),
+    LadderSubject(
+        "amber-loose", "painted, in loose clothes, dances", Studio("amber", look="loose")
+    ),
     LadderSubject("grey-shirt", "real, at a webcam", WebcamClip("grey_shirt_sorry"), real=True),
     LadderSubject(
         "patterned-shirt", "real, at a webcam", WebcamClip("patterned_shirt_sister"), real=True
