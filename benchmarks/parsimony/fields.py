@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -56,7 +55,7 @@ def measured_field(
     rung: FieldRung, seed: int, steps: int, filmed: Filmed, clock: Clock
 ) -> dict[str, Any]:
     """A field trained so: what it costs, and how near it comes to the truth."""
-    preset, clock = find_preset(PRESET), _of_all_threads(clock)
+    preset = find_preset(PRESET)
     changed = replace(preset, settings=rung.settings(preset.field_settings))
     began = clock.now()
     model = train(
@@ -73,11 +72,6 @@ def measured_field(
         **costs(model, clock, _VIEWS),
         **filmed.judged(model),
     }
-
-
-def _of_all_threads(clock: Clock) -> Clock:
-    """A field's steps run on a pool of threads, which the clock of one does not see."""
-    return replace(clock, now=time.process_time) if clock.name == "processor" else clock
 
 
 def _with_poses_off(clip: Sequence) -> Sequence:

@@ -1,8 +1,8 @@
-"""What a second is: on a quiet machine the clock on the wall, on a busy one a thread's own time.
+"""What a second is: on a quiet machine the clock on the wall, on a busy one the processor's time.
 
-`wall` uses every core. `processor` uses one thread and counts the time it was running: what a
-neighbour does, or a thread that waits for work, changes little, and a machine with more cores would
-be no slower.
+`wall` uses every core. `processor` computes on one thread and counts the time that the process was
+running, whichever of its threads that was (a field's steps run on a pool's): what a neighbour does,
+or a thread that waits for work, changes little, and a machine with more cores would be no slower.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def clock_named(name: str) -> Clock:
     threads = 1 if one else min(cores, int(os.environ.get("NUMBA_NUM_THREADS", cores)))
     torch.set_num_threads(threads)
     numba.set_num_threads(threads)
-    return Clock(name, time.thread_time if one else time.perf_counter, threads)
+    return Clock(name, time.process_time if one else time.perf_counter, threads)
 
 
 def milliseconds(seconds: list[float]) -> dict[str, float]:
