@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.stability.material import Material, Subject
 from capture.studio.room import room_background
 from renderer.evaluation.evaluate import side_of_body
+from renderer.person_frames import LEAST_FRAMES
 from scene.arrays import Array, Float
 from scene.sequence import Frame, body_crop
 from scene.skeleton import JOINT_NAMES, Skeleton
@@ -73,11 +74,12 @@ def frame_count(subject: Subject, count: float, rng: np.random.Generator) -> Mat
 
 
 def arc_seen(subject: Subject, degrees: float, rng: np.random.Generator) -> Material:
-    """Only frames in which the person faces the camera to within half of `degrees`."""
+    """Only frames in which the person faces the camera to within half of `degrees`, or the few
+    nearest to that which training asks for."""
     del rng
     frames, skeleton = subject.material.train, subject.material.body.skeleton
     sides = np.degrees([abs(side_of_body(frame.camera, frame.pose, skeleton)) for frame in frames])
-    kept = np.flatnonzero(sides <= max(0.5 * degrees, sides.min()))
+    kept = np.flatnonzero(sides <= max(0.5 * degrees, np.sort(sides)[LEAST_FRAMES - 1]))
     return subject.material.with_train(frames[place] for place in kept)
 
 

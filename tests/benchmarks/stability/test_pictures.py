@@ -66,7 +66,10 @@ def test_an_arc_has_only_frames_that_face_the_camera():
     sides = [side_of_body(frame.camera, frame.pose, skeleton) for frame in half]
     assert 5 <= len(half) <= 7
     assert np.abs(sides).max() <= np.pi / 2.0 + 1e-9
-    assert len(arc_seen(somebody, 0.0, RNG(0)).train) == 1
+    least = arc_seen(somebody, 0.0, RNG(0)).train
+    assert len(least) in (2, 3)  # as many as training asks for, or one that is as near
+    for frame in least:
+        assert side_of_body(frame.camera, frame.pose, skeleton) == pytest.approx(0.0, abs=0.6)
 
 
 def test_what_is_judged_ends_where_the_picture_does():
