@@ -93,9 +93,9 @@ CAPTURE_AXES = (
                 variant=lambda rate: Variant(rate=rate)),
     CaptureAxis("footage_dark", "less light, no gain", CAPTURE, (0.0, 2.0, 4.0, 6.0), " stops",
                 variant=lambda stops: Variant(pictures=darkened(stops))),
-    CaptureAxis("footage_roll", "camera rolls to and fro", CAPTURE, (0.0, 2.0, 5.0, 10.0, 20.0),
+    CaptureAxis("footage_roll", "footage rolls to and fro", CAPTURE, (0.0, 2.0, 5.0, 10.0, 20.0),
                 "°", variant=lambda degrees: Variant(pictures=rolled(degrees))),
-    CaptureAxis("footage_cut", "picture ends at", CAPTURE, (0.0, 1.0, 2.0, 3.0), labels=CROPS,
+    CaptureAxis("footage_cut", "footage ends at", CAPTURE, (0.0, 1.0, 2.0, 3.0), labels=CROPS,
                 variant=lambda step: Variant(pictures=cut(step)), cut_too=True),
 )  # fmt: skip
 
@@ -134,7 +134,8 @@ class CaptureBench:
         def material() -> Material:
             with tempfile.TemporaryDirectory() as name:
                 captured, scale = self._capture(axis.variant(step), Path(name), errors)
-                return self._material(captured, scale, CROPS[int(step) if axis.cut_too else 0])
+                truth = open_sequence(self.folder / "truth")
+                return by_the_truth(captured, truth, scale, CROPS[int(step) if axis.cut_too else 0])
 
         found = measure_training(self.method, material, self.lpips, self.clock.now, strip)
         # the captured motion was taken for the truth there
@@ -172,21 +173,28 @@ class CaptureBench:
         errors.update({name: last[name] for name in _FIGURES})
         return open_sequence(folder / "clip"), watch.scale
 
-    def _material(self, captured: Sequence, scale: float, ends_at: str) -> Material:
-        truth = in_scale_of(captured, open_sequence(self.folder / "truth"), scale)
-        views, filmed = truth.test[NOVEL_VIEW], truth.train
 
-        def seen(source: FrameSource, places: Iterable[int]) -> tuple[Frame, ...]:
-            frames = frames_of(source, places)
-            return tuple(ended_at(frame, captured.body.skeleton, ends_at) for frame in frames)
+def by_the_truth(captured: Sequence, truth: Sequence, scale: float, ends_at: str) -> Material:
+    """What a model of `captured` trains on, and is judged by in the captured world, whose truth is
+    `scale` times as large.
 
-        early = spread(len(filmed) - 1, _PAIRS)
-        late = [place + 1 for place in early]
-        return Material(
-            captured.body,
-            captured.frames_per_second,
-            frames_of(captured.train, range(len(captured.train))),
-            seen(views, spread(len(views), _JUDGED)),
-            tuple(zip(seen(filmed, early), seen(filmed, late), strict=True)),
-            captured.motion,
-        )
+    Args:
+        ends_at: how far down of a picture is judged, of `CROPS`.
+    """
+    truth = in_scale_of(captured, truth, scale)
+    views, filmed = truth.test[NOVEL_VIEW], truth.train
+
+    def seen(source: FrameSource, places: Iterable[int]) -> tuple[Frame, ...]:
+        frames = frames_of(source, places)
+        return tuple(ended_at(frame, captured.body.skeleton, ends_at) for frame in frames)
+
+    early = spread(len(filmed) - 1, _PAIRS)
+    late = [place + 1 for place in early]
+    return Material(
+        captured.body,
+        captured.frames_per_second,
+        frames_of(captured.train, range(len(captured.train))),
+        seen(views, spread(len(views), _JUDGED)),
+        tuple(zip(seen(filmed, early), seen(filmed, late), strict=True)),
+        captured.motion,
+    )
