@@ -116,7 +116,8 @@ def _outcomes(figures: Figures) -> str:
     whys: dict[str, list[str]] = {}
     for row in figures["rows"]:
         if row["outcome"] != MEASURED and row["axis"] in AXES:
-            what = f"{AXES[row['axis']].words}, {row['label']} ({row['subject']})"
+            who = row["subject"] + (f", {row['method']}" if row["method"] != _SPLATS else "")
+            what = f"{AXES[row['axis']].words}, {row['label']} ({who})"
             whys.setdefault(row["why"], []).append(what)
     return "\n".join([*lines, *(f"- {'; '.join(what)}: *{why}*" for why, what in whys.items())])
 

@@ -57,3 +57,10 @@ def test_rollbacks_are_told_of_where_there_are_any():
     head, *lines = table(*quiet, row("lifelike", 0.0, 34.0), rolled)
     assert head[-1] == "rolled back"
     assert [cells[-1] for cells in lines] == ["", "2 times, 3.1 s"]
+
+
+def test_refusals_say_whom_and_what_they_were_of():
+    refused = row("painted", 64.0, 0.0, outcome="refused", why="TrainingError: no")
+    text = stability({**ABOUT, "rows": [refused, {**refused, "method": "fast"}]})
+    what = "sensor noise, of 255 levels, 64"
+    assert f"- {what} (painted); {what} (painted, fast): *TrainingError: no*" in text
