@@ -13,6 +13,9 @@ from scene.arrays import Array, Float, UInt8
 _RATE = 30
 """Frames a second that the encoder is told of: it only shares bits out among frames."""
 
+_REPEATABLE = {"x264-params": "cpu-independent=1"}
+"""Else what is encoded differs from run to run, by where in memory its numbers lie."""
+
 
 def through_h264(
     pictures: Sequence[Float[Array, "H W 3"]], bits_a_pixel: float
@@ -26,7 +29,7 @@ def through_h264(
     high, wide = pictures[0].shape[:2]
     file = BytesIO()
     with av.open(file, "w", format="mp4") as container:
-        stream = container.add_stream("libx264", rate=_RATE)
+        stream = container.add_stream("libx264", rate=_RATE, options=_REPEATABLE)
         # colours have half the picture's sides
         stream.width, stream.height, stream.pix_fmt = wide + wide % 2, high + high % 2, "yuv420p"
         stream.bit_rate = round(bits_a_pixel * wide * high * _RATE)
