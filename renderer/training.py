@@ -158,6 +158,7 @@ def train(
             "loss": round(run.loss, 6),
             "seed": seed,
             "rollbacks": run.rollbacks,
+            "rollback_seconds": round(run.rollback_s, 3),
         }
     )
 
@@ -203,12 +204,21 @@ def _make_trainer(
     return SizedTrainer(splat_trainer, size)
 
 
+@dataclass(frozen=True, eq=False)
+class _Snapshot:
+    """A state that a run can go back to."""
+
+    state: dict[str, Array]
+    step: int
+    elapsed_s: float
+
+
 class _Run:
     """A training run: its trainer and how far it has come."""
 
     def __init__(self, trainer: Trainer, preset: str, data_hash: str, seed: int) -> None:
         self.trainer, self.step, self.elapsed_s, self.loss = trainer, 0, 0.0, float("nan")
-        self.rollbacks = 0
+        self.rollbacks, self.rollback_s = 0, 0.0
         self._identity = {"preset": preset, "data_hash": data_hash, "seed": seed}
 
     def loop(
@@ -225,7 +235,7 @@ class _Run:
         last_check, report_due = self.elapsed_s, self.elapsed_s + REPORT_EVERY_S
         save_due = self.elapsed_s + CHECKPOINT_EVERY_S
         # two, since the newest may already be corrupt
-        snapshots = deque([(self.trainer.state(), self.step)], maxlen=2)
+        snapshots = deque([_Snapshot(self.trainer.state(), self.step, self.elapsed_s)], maxlen=2)
         while True:
             fraction = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
             if fraction >= 1.0:
@@ -251,7 +261,7 @@ class _Run:
                 if not _is_finite(state):
                     self._roll_back(snapshots)
                     continue
-                snapshots.append((state, self.step))
+                snapshots.append(_Snapshot(state, self.step, self.elapsed_s))
                 on_progress(self._progress(fraction))
                 report_due = _next_due(clock() - started, last_check, REPORT_EVERY_S)
             if self.elapsed_s >= save_due:
@@ -259,7 +269,7 @@ class _Run:
                 self.save(checkpoint)
                 save_due = _next_due(clock() - started, begun, CHECKPOINT_EVERY_S)
         if not _is_finite(self.trainer.state()):
-            self.trainer.restore(snapshots[-1][0])
+            self.trainer.restore(snapshots[-1].state)
         on_progress(self._progress(1.0))
 
     def save(self, path: Path | None) -> None:
@@ -297,7 +307,7 @@ class _Run:
         self.trainer.restore({name.removeprefix(_STATE): value for name, value in arrays.items()})
         self.step, self.elapsed_s = int(about["step"]), float(about["elapsed_s"])
 
-    def _roll_back(self, snapshots: deque[tuple[dict[str, Array], int]]) -> None:
+    def _roll_back(self, snapshots: deque[_Snapshot]) -> None:
         self.rollbacks += 1
         if self.rollbacks > _ATTEMPTS:
             raise TrainingError(
@@ -305,10 +315,10 @@ class _Run:
                 f"{self.loss} at step {self.step}, {_ATTEMPTS} times after halving the rates; "
                 "look at the clip's masks and poses"
             )
-        state, self.step = snapshots[-1]
-        if len(snapshots) > 1:
-            snapshots.pop()
-        self.trainer.restore(state)
+        last = snapshots[-1] if len(snapshots) == 1 else snapshots.pop()
+        self.step = last.step
+        self.rollback_s += self.elapsed_s - last.elapsed_s
+        self.trainer.restore(last.state)
         self.trainer.halve_learning_rate()
 
     def _progress(self, fraction: float) -> Progress:

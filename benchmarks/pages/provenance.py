@@ -31,8 +31,12 @@ def short_origin(figures: Figures) -> str:
 
 
 def _origins(figures: Figures) -> Iterator[Figures]:
-    rows = [row for name in _ROWS for row in figures.get(name, ()) if "commit" in row]
-    yield from rows or [figures]
+    lists = [figures.get(name, ()) for name in _ROWS]
+    told = [row for rows in lists for row in rows if "commit" in row]
+    yield from told
+    # rows beside them that tell nothing are of the file's own commit
+    if not told or any(0 < sum("commit" in row for row in rows) < len(rows) for rows in lists):
+        yield figures
 
 
 def _sentence(origins: list[Figures]) -> str:

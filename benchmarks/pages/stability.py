@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,8 @@ def _outcomes(figures: Figures) -> str:
     whys: dict[str, list[str]] = {}
     for row in figures["rows"]:
         if row["outcome"] != MEASURED and row["axis"] in AXES:
-            what = f"{AXES[row['axis']].words}, {row['label']} ({row['subject']})"
+            who = row["subject"] + (f", {row['method']}" if row["method"] != _SPLATS else "")
+            what = f"{AXES[row['axis']].words}, {row['label']} ({who})"
             whys.setdefault(row["why"], []).append(what)
     return "\n".join([*lines, *(f"- {'; '.join(what)}: *{why}*" for why, what in whys.items())])
 
@@ -153,24 +155,45 @@ def _legend(figures: Figures) -> str:
 
 
 def _steps(figures: Figures) -> str:
-    rows = []
+    heads = ["what", "who", "step", "PSNR", "LPIPS", "as given", "flicker", "joints", "no picture"]
+    rows = [row for row in figures["rows"] if row["method"] == _SPLATS]
+    told = []
     for name, axis in AXES.items():
-        for step in axis.steps:
-            mine = [
-                row
-                for row in figures["rows"]
-                if (row["axis"], row["step"], row["method"]) == (name, step, _SPLATS)
-            ]
-            good = [row for row in mine if row["outcome"] == MEASURED]
-            if mine:
-                first = step == axis.steps[0]
-                rows.append([axis.words if first else "", axis.label(step), *_cells(good, mine)])
-    return markdown_table(
-        ["what", "step", "PSNR", "LPIPS", "as given", "flicker", "joints", "no picture"], rows
-    )
+        words = axis.words
+        for subjects in _measured_alike(row for row in rows if row["axis"] == name):
+            who = "; ".join(subjects)
+            for step in axis.steps:
+                mine = [row for row in rows if (row["axis"], row["step"]) == (name, step)
+                        and row["subject"] in subjects]  # fmt: skip
+                if mine:
+                    told.append([words, who, axis.label(step), *_cells(mine), _rolled_back(mine)])
+                    words = who = ""
+    heads.append("rolled back")
+    if not any(cells[-1] for cells in told):
+        heads, told = heads[:-1], [cells[:-1] for cells in told]
+    return markdown_table(heads, told)
 
 
-def _cells(good: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
+def _measured_alike(rows: Iterable[dict[str, Any]]) -> list[list[str]]:
+    """Subjects whose steps are the same, so that a mean over them is of the same people at each."""
+    steps: dict[str, set[float]] = {}
+    for row in rows:
+        steps.setdefault(row["subject"], set()).add(row["step"])
+    alike: dict[frozenset[float], list[str]] = {}
+    for subject, theirs in steps.items():
+        alike.setdefault(frozenset(theirs), []).append(subject)
+    return list(alike.values())
+
+
+def _rolled_back(rows: list[dict[str, Any]]) -> str:
+    """How often trainings went back to their last good state, and what that cost them."""
+    times, seconds = (sum(row.get(name, 0) for row in rows)
+                      for name in ("rollbacks", "rollback_seconds"))  # fmt: skip
+    return f"{times} times, {seconds:.1f} s" if times else ""
+
+
+def _cells(rows: list[dict[str, Any]]) -> list[str]:
+    good = [row for row in rows if row["outcome"] == MEASURED]
     none = f"{len(rows) - len(good)} of {len(rows)}" if len(good) < len(rows) else ""
     if not good:
         return ["", "", "", "", "", none]

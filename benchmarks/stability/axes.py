@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks.stability import pictures, poses
 from benchmarks.stability.axis import TrainingAxis
+from benchmarks.stability.precision import PRECISIONS
 
 POSES, MASKS, VIEWS, CAMERA = "poses", "masks", "frames and views", "camera and light"
 _POSE_STEPS = (0.0, 2.0, 5.0, 10.0, 20.0)
@@ -43,6 +44,9 @@ TRAINING_AXES = (
     TrainingAxis("object_in_front", "a pole in front, of the width", MASKS,
                  (0.0, 0.1, 0.2, 0.4, 0.6), " of it", spoil=pictures.object_in_front,
                  of_pictures=True),
+    TrainingAxis("chair", "a chair in the mask, of the width", MASKS,
+                 (0.0, 0.1, 0.2, 0.4), " of it", spoil=pictures.chair_in_mask,
+                 of_pictures=True),
     TrainingAxis("own_arms", "hands before the chest", MASKS,
                  (0.0, 0.25, 0.5, 0.75, 1.0), " of the clip", spoil=poses.own_arms,
                  filmed_anew=True),
@@ -57,6 +61,8 @@ TRAINING_AXES = (
                  in_loose_clothes=True),
     TrainingAxis("seed", "another random seed", VIEWS,
                  tuple(map(float, range(10))), spoil=poses.random_seed, every_step=True),
+    TrainingAxis("precision", "numbers of the model are kept as", VIEWS,
+                 (0.0, 1.0, 2.0), spoil=poses.low_precision, labels=PRECISIONS),
     TrainingAxis("motion_blur", "shutter open, of a frame's time", CAMERA,
                  (0.0, 0.25, 0.5, 1.0, 2.0), " of it", spoil=poses.motion_blur,
                  filmed_anew=True),
@@ -75,10 +81,20 @@ TRAINING_AXES = (
     TrainingAxis("compression", "JPEG quality", CAMERA,
                  (100.0, 50.0, 20.0, 10.0, 5.0, 2.0), spoil=pictures.compression,
                  of_pictures=True),
+    TrainingAxis("video", "H.264, bits a pixel", CAMERA,
+                 (pictures.UNCOMPRESSED_BITS, 0.5, 0.2, 0.1, 0.05, 0.02),
+                 spoil=pictures.video_compression, of_pictures=True),
     TrainingAxis("resolution", "picture size, of the usual", CAMERA,
                  (1.0, 0.5, 0.25, 0.125), " of it", spoil=pictures.resolution,
                  of_pictures=True),
 )  # fmt: skip
 
-FIELD_AXES = ("lasting_pose_noise", "mask_dilated", "frame_count", "arc", "sensor_noise")
+FIELD_AXES = (
+    "lasting_pose_noise",
+    "mask_dilated",
+    "frame_count",
+    "arc",
+    "precision",
+    "sensor_noise",
+)
 """Those that fields are measured on too: they train six times as slowly."""

@@ -8,7 +8,7 @@ each test pose aligned with its own picture and one scale for the clip taken out
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -44,12 +44,12 @@ from capture.storage import open_sequence
 from capture.studio.footage import Footage
 from capture.studio.sequence import make_sequence
 from renderer.evaluation.lpips import Lpips
-from scene.sequence import NOVEL_VIEW, Sequence
+from scene.sequence import NOVEL_VIEW, Frame, FrameSource, Sequence
 
 CAPTURE = "capture from pixels"
 CLIP = "walk_veer_left_16_11"
 _FRAMES, _SIZE_PX, _STORED_PX = 120, 384, 256
-_BLUR_PX, _SEED, _JUDGED = 0.6, 7, 8
+_BLUR_PX, _SEED, _JUDGED, _PAIRS = 0.6, 7, 8, 6
 _FIGURES = (
     "joint_one_scale_mm",
     "joint_procrustes_mm",
@@ -93,9 +93,9 @@ CAPTURE_AXES = (
                 variant=lambda rate: Variant(rate=rate)),
     CaptureAxis("footage_dark", "less light, no gain", CAPTURE, (0.0, 2.0, 4.0, 6.0), " stops",
                 variant=lambda stops: Variant(pictures=darkened(stops))),
-    CaptureAxis("footage_roll", "camera rolls to and fro", CAPTURE, (0.0, 2.0, 5.0, 10.0, 20.0),
+    CaptureAxis("footage_roll", "footage rolls to and fro", CAPTURE, (0.0, 2.0, 5.0, 10.0, 20.0),
                 "°", variant=lambda degrees: Variant(pictures=rolled(degrees))),
-    CaptureAxis("footage_cut", "picture ends at", CAPTURE, (0.0, 1.0, 2.0, 3.0), labels=CROPS,
+    CaptureAxis("footage_cut", "footage ends at", CAPTURE, (0.0, 1.0, 2.0, 3.0), labels=CROPS,
                 variant=lambda step: Variant(pictures=cut(step)), cut_too=True),
 )  # fmt: skip
 
@@ -134,7 +134,8 @@ class CaptureBench:
         def material() -> Material:
             with tempfile.TemporaryDirectory() as name:
                 captured, scale = self._capture(axis.variant(step), Path(name), errors)
-                return self._material(captured, scale, CROPS[int(step)] if axis.cut_too else "")
+                truth = open_sequence(self.folder / "truth")
+                return by_the_truth(captured, truth, scale, CROPS[int(step) if axis.cut_too else 0])
 
         found = measure_training(self.method, material, self.lpips, self.clock.now, strip)
         # the captured motion was taken for the truth there
@@ -172,13 +173,28 @@ class CaptureBench:
         errors.update({name: last[name] for name in _FIGURES})
         return open_sequence(folder / "clip"), watch.scale
 
-    def _material(self, captured: Sequence, scale: float, ends_at: str) -> Material:
-        truth = open_sequence(self.folder / "truth")
-        views = in_scale_of(captured, truth, scale).test[NOVEL_VIEW]
-        judged = frames_of(views, spread(len(views), _JUDGED))
-        if ends_at:
-            judged = tuple(ended_at(frame, captured.body.skeleton, ends_at) for frame in judged)
-        train = frames_of(captured.train, range(len(captured.train)))
-        return Material(
-            captured.body, captured.frames_per_second, train, judged, (), captured.motion
-        )
+
+def by_the_truth(captured: Sequence, truth: Sequence, scale: float, ends_at: str) -> Material:
+    """What a model of `captured` trains on, and is judged by in the captured world, whose truth is
+    `scale` times as large.
+
+    Args:
+        ends_at: how far down of a picture is judged, of `CROPS`.
+    """
+    truth = in_scale_of(captured, truth, scale)
+    views, filmed = truth.test[NOVEL_VIEW], truth.train
+
+    def seen(source: FrameSource, places: Iterable[int]) -> tuple[Frame, ...]:
+        frames = frames_of(source, places)
+        return tuple(ended_at(frame, captured.body.skeleton, ends_at) for frame in frames)
+
+    early = spread(len(filmed) - 1, _PAIRS)
+    late = [place + 1 for place in early]
+    return Material(
+        captured.body,
+        captured.frames_per_second,
+        frames_of(captured.train, range(len(captured.train))),
+        seen(views, spread(len(views), _JUDGED)),
+        tuple(zip(seen(filmed, early), seen(filmed, late), strict=True)),
+        captured.motion,
+    )

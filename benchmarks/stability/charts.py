@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#000000")
 """Okabe and Ito's, told apart by the colour-blind too."""
 _COLUMNS = 6
 _SHORT = {"splats, poses believed": "poses believed"}
@@ -140,7 +140,10 @@ def _curve(panel: Axes, name: str, rows: list[Row], colour: str, head: tuple[str
     for row in rows:
         if row["outcome"] != MEASURED:
             panel.plot(axis.steps.index(row["step"]), 9.5, "x", ms=5.0, color=colour)
-    panel.set_xticks(range(len(axis.steps)), [_tick(axis.label(step)) for step in axis.steps])
+    # the unit once: many a label is as wide as its place
+    numbers = [] if axis.labels else [f"{step:g}" for step in axis.steps[:-1]]
+    rest = [_tick(axis.label(step)) for step in axis.steps[len(numbers) :]]
+    panel.set_xticks(range(len(axis.steps)), numbers + rest)
 
 
 def _tick(label: str) -> str:

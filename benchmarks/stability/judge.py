@@ -101,7 +101,8 @@ def figures(
         "rotation_deg": rotation_deg(model.motion, truth),
     }
     rounded = {name: None if value is None else round(value, 4) for name, value in found.items()}
-    return {**rounded, "steps": model.metrics["steps"]}, worst
+    of_training = ("steps", "rollbacks", "rollback_seconds")
+    return {**rounded, **{name: model.metrics[name] for name in of_training}}, worst
 
 
 @torch.no_grad()

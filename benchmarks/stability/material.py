@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.stability.precision import PRECISIONS
 from capture.studio.garments import Drape
 from capture.studio.performer import FilmedPerformer
 from scene.arrays import Array, Float
@@ -58,6 +59,8 @@ class Material:
     """Of the training camera's clean frames."""
     seed: int = 0
     """Of the training."""
+    precision: str = PRECISIONS[0]
+    """That the model is stored in before it is judged, of `PRECISIONS`."""
 
     def sequence(self, trust: PoseTrust) -> Sequence:
         """What training gets."""

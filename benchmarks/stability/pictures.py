@@ -6,7 +6,7 @@ cuts it out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 
@@ -14,8 +14,10 @@ import cv2
 import numpy as np
 
 from benchmarks.stability.material import Material, Subject
+from benchmarks.stability.video import through_h264
 from capture.studio.room import room_background
 from renderer.evaluation.evaluate import side_of_body
+from renderer.person_frames import LEAST_FRAMES
 from scene.arrays import Array, Float
 from scene.sequence import Frame, body_crop
 from scene.skeleton import JOINT_NAMES, Skeleton
@@ -29,11 +31,17 @@ _FULL_WELL, _READ_NOISE = 2000.0, 4.0
 _HOLE_SHARE = 0.04
 """Radius of a hole in a mask, as a share of the person's height."""
 _LEAST_ROWS = 24
+_UPHOLSTERY, _RIBS, _ROUNDED = (0.46, 0.27, 0.16), 3.0, 0.5
+"""A chair's brown; how fast its ribs follow one another, and how round its corners are."""
+UNCOMPRESSED_BITS = 24.0
+"""A pixel of footage that nothing was done to."""
 CROPS = ("full body", "knees", "waist", "bust")
 _CUT_AT = {"knees": ("left_knee", "right_knee"), "waist": ("pelvis",), "bust": ("spine3",)}
 
 Camera01 = Callable[[Float[Array, "H W 3"], int, int], Float[Array, "H W 3"]]
 """A picture in [0, 1], its number and the number of pictures, as a camera would show it."""
+Footage = Callable[[list[Float[Array, "H W 3"]]], Iterable[Float[Array, "H W 3"]]]
+"""All pictures of a clip, in [0, 1], as they come back from where they were filmed."""
 
 
 def dilated_mask(subject: Subject, px: float, rng: np.random.Generator) -> Material:
@@ -73,11 +81,12 @@ def frame_count(subject: Subject, count: float, rng: np.random.Generator) -> Mat
 
 
 def arc_seen(subject: Subject, degrees: float, rng: np.random.Generator) -> Material:
-    """Only frames in which the person faces the camera to within half of `degrees`."""
+    """Only frames in which the person faces the camera to within half of `degrees`, or the few
+    nearest to that which training asks for."""
     del rng
     frames, skeleton = subject.material.train, subject.material.body.skeleton
     sides = np.degrees([abs(side_of_body(frame.camera, frame.pose, skeleton)) for frame in frames])
-    kept = np.flatnonzero(sides <= max(0.5 * degrees, sides.min()))
+    kept = np.flatnonzero(sides <= max(0.5 * degrees, np.sort(sides)[LEAST_FRAMES - 1]))
     return subject.material.with_train(frames[place] for place in kept)
 
 
@@ -134,6 +143,14 @@ def compression(subject: Subject, quality: float, rng: np.random.Generator) -> M
     return _filmed(subject, compressed)
 
 
+def video_compression(subject: Subject, bits: float, rng: np.random.Generator) -> Material:
+    """The clip by H.264, in so many bits a pixel; `UNCOMPRESSED_BITS` stands for none."""
+    del rng
+    if bits == UNCOMPRESSED_BITS:
+        return subject.material
+    return _as_footage(subject, lambda clip: through_h264(clip, bits))
+
+
 def resolution(subject: Subject, share: float, rng: np.random.Generator) -> Material:
     """Pictures of a share of the size."""
     del rng
@@ -168,6 +185,25 @@ def object_in_front(subject: Subject, share: float, rng: np.random.Generator) ->
     return _each(subject, behind)
 
 
+def chair_in_mask(subject: Subject, share: float, rng: np.random.Generator) -> Material:
+    """A chair's back that is taken for the person: it stands still behind them, and stands out
+    beside their trunk by `share` of its width."""
+    frames, skeleton = subject.material.train, subject.material.body.skeleton
+    spans = [span for frame in frames if (span := _trunk(frame, skeleton)) is not None]
+    if not share or not spans:
+        return subject.material
+    top, bottom, left, right = np.median(spans, axis=0)
+    out = share * (right - left)
+    chair, cover = _chair_back(frames[0], (top, bottom, right - out, right + out), rng)
+
+    def before_it(frame: Frame) -> Frame:
+        beside = (1.0 - frame.mask) * cover
+        image = (frame.image + beside[..., None] * chair).astype(np.float32)
+        return replace(frame, image=image, mask=(frame.mask + beside).astype(np.float32))
+
+    return _each(subject, before_it)
+
+
 def cropped_person(subject: Subject, step: float, rng: np.random.Generator) -> Material:
     """Pictures that end at the knees, the waist or the bust, and so does what is judged."""
     del rng
@@ -190,10 +226,40 @@ def rows_until(frame: Frame, skeleton: Skeleton, part: str) -> int:
     """Rows of the picture down to `part`, of `CROPS`."""
     if part not in _CUT_AT:
         return frame.camera.height
-    joints = [JOINT_NAMES.index(joint) for joint in _CUT_AT[part]]
+    row = _joint_pixels(frame, skeleton, _CUT_AT[part])[:, 1].mean()
+    return int(np.clip(row, _LEAST_ROWS, frame.camera.height))
+
+
+def _joint_pixels(frame: Frame, skeleton: Skeleton, names: tuple[str, ...]) -> Float[Array, "J 2"]:
+    joints = [JOINT_NAMES.index(name) for name in names]
     placed = skeleton.joint_transforms(frame.pose.joint_angles, frame.pose.root_translation)
-    pixels, _ = frame.camera.project(placed[joints, :3, 3])
-    return int(np.clip(pixels[:, 1].mean(), _LEAST_ROWS, frame.camera.height))
+    return frame.camera.project(placed[joints, :3, 3])[0]
+
+
+def _trunk(frame: Frame, skeleton: Skeleton) -> tuple[int, int, int, int] | None:
+    """Rows from the shoulders to the hips, and the columns of the mask between; None where nobody
+    is."""
+    shoulder, hip = _joint_pixels(frame, skeleton, ("neck", "pelvis"))[:, 1]
+    top = int(np.clip(shoulder, 0, frame.camera.height - 2))
+    bottom = int(np.clip(hip, top + 1, frame.camera.height))
+    columns = np.flatnonzero((frame.mask[top:bottom] > 0.5).any(axis=0))
+    return (top, bottom, columns[0], columns[-1] + 1) if len(columns) else None
+
+
+def _chair_back(
+    frame: Frame, sides: tuple[float, float, float, float], rng: np.random.Generator
+) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+    """Upholstery in all of the picture, and how far each pixel lies in the chair's back, whose top,
+    bottom, left and right are given, px."""
+    top, bottom, left, right = sides
+    rows, columns = np.mgrid[: frame.camera.height, : frame.camera.width] + 0.5
+    half = np.array([[0.5 * (bottom - top)], [0.5 * (right - left)]])
+    away = np.abs([rows.ravel() - 0.5 * (top + bottom), columns.ravel() - 0.5 * (left + right)])
+    radius = _ROUNDED * half.min()
+    outside = np.maximum(away - half + radius, 0.0)
+    cover = np.clip(0.5 - (np.hypot(*outside) - radius), 0.0, 1.0).reshape(rows.shape)
+    weave = 1.0 + 0.2 * np.sin(_RIBS * columns / radius) + 0.05 * rng.normal(size=rows.shape)
+    return np.clip(weave[..., None] * _UPHOLSTERY, 0.0, 1.0), cover
 
 
 def _each(subject: Subject, change: Callable[[Frame], Frame]) -> Material:
@@ -203,15 +269,22 @@ def _each(subject: Subject, change: Callable[[Frame], Frame]) -> Material:
 def _filmed(subject: Subject, camera: Camera01) -> Material:
     """Every picture in a room, by `camera`, cut out again: what shines through the soft rim of a
     mask stays in it."""
+    return _as_footage(
+        subject,
+        lambda clip: (camera(whole, index, len(clip)) for index, whole in enumerate(clip)),
+    )
+
+
+def _as_footage(subject: Subject, footage: Footage) -> Material:
+    """As `_filmed`, of a camera that sees the whole clip."""
     frames, room = subject.material.train, _room(subject)
+    wholes = [frame.image + (1.0 - frame.mask[..., None]) * room for frame in frames]
 
-    def seen(index: int, frame: Frame) -> Frame:
-        whole = frame.image + (1.0 - frame.mask[..., None]) * room
-        shown = np.clip(camera(whole, index, len(frames)), 0.0, 1.0)
-        image = (np.rint(255.0 * shown) / 255.0 * frame.mask[..., None]).astype(np.float32)
-        return replace(frame, image=image)
+    def cut_out(frame: Frame, seen: Array) -> Frame:
+        shown = np.rint(255.0 * np.clip(seen, 0.0, 1.0)) / 255.0
+        return replace(frame, image=(shown * frame.mask[..., None]).astype(np.float32))
 
-    return subject.material.with_train(seen(index, frame) for index, frame in enumerate(frames))
+    return subject.material.with_train(map(cut_out, frames, footage(wholes)))
 
 
 def _room(subject: Subject) -> Float[Array, "H W 3"]:

@@ -13,6 +13,7 @@ import numpy as np
 from benchmarks.covered_torso import hands_before_chest
 from benchmarks.stability.material import Material, Subject
 from benchmarks.stability.pose_errors import geodesic_deg
+from benchmarks.stability.precision import PRECISIONS
 from capture.studio.garments import drape
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -190,6 +191,12 @@ def random_seed(subject: Subject, seed: float, rng: np.random.Generator) -> Mate
     """Another seed of the training, and nothing else."""
     del rng
     return replace(subject.material, seed=int(seed))
+
+
+def low_precision(subject: Subject, step: float, rng: np.random.Generator) -> Material:
+    """The trained model is stored in fewer bits before it is judged."""
+    del rng
+    return replace(subject.material, precision=PRECISIONS[int(step)])
 
 
 def joint_mm(motion: Motion, skeleton: Skeleton, truth: Motion, true_skeleton: Skeleton) -> float:

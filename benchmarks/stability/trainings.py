@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmarks.stability.judge import figures, guarded
 from benchmarks.stability.material import Material
+from benchmarks.stability.precision import PRECISIONS, stored_in
 from benchmarks.stability.sheet import write_strip
 from renderer.evaluation.lpips import Lpips
 from renderer.training import train
@@ -76,6 +77,8 @@ def measure_training(
             seed=material.seed,
             clock=clock,
         )
+        if material.precision != PRECISIONS[0]:
+            model = stored_in(model, material.precision)
         found, worst = figures(model, material, lpips, aligned=method.aligned)
         write_strip(strip, material.train[len(material.train) // 2], worst)
         return found

@@ -222,6 +222,17 @@ def test_values_that_break_a_rule_are_named(folder, name, arrays, message):
         open_sequence(folder)
 
 
+@pytest.mark.parametrize("focal_px", [(0.0, 0.0), (0.0, 11.0), (10.0, 0.0), (-10.0, -11.0)])
+def test_a_focal_length_must_be_positive(folder, focal_px):
+    with np.load(folder / "cameras.npz") as stored:
+        intrinsics = stored["intrinsics"].copy()
+    intrinsics[1, [0, 1], [0, 1]] = focal_px
+    rewrite(folder / "cameras.npz", intrinsics=intrinsics)
+    said = f"positive focal lengths; got .* focal lengths {focal_px[0]:g}, {focal_px[1]:g} px"
+    with pytest.raises(BrokenSequence, match=said):
+        open_sequence(folder)
+
+
 def test_one_camera_a_pose(folder):
     with np.load(folder / "cameras.npz") as stored:
         fewer = {k: v if k == "size" else v[:2] for k, v in stored.items()}

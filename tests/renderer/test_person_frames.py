@@ -1,4 +1,4 @@
-"""Frames in which nobody was found teach nothing, and nobody at all is refused."""
+"""Frames in which nobody was found teach nothing, and fewer than two others are refused."""
 
 from __future__ import annotations
 
@@ -45,10 +45,23 @@ def test_frames_that_show_somebody_are_kept():
 
 
 @pytest.mark.parametrize("preset", ["splats", "fast"])
-def test_a_clip_without_anybody_is_refused(preset: str):
-    nobody = losing(make_sequence(), set(range(6)))
-    with pytest.raises(TrainingError, match="one frame must show the person; got 6 frames"):
-        train(nobody, preset=preset, iterations=1, clock=float)
+@pytest.mark.parametrize("shown", [0, 1])
+def test_a_clip_that_shows_nobody_or_one_picture_is_refused(preset: str, shown: int):
+    clip = losing(make_sequence(), set(range(shown, 6)))
+    said = rf"2 frames must show the person; got {shown} of 6, .*; look at the clip's masks, or"
+    with pytest.raises(TrainingError, match=said):
+        train(clip, preset=preset, iterations=1, clock=float)
+
+
+def test_a_clip_of_a_single_frame_is_refused():
+    with pytest.raises(TrainingError, match="2 frames must show the person; got 1 of 1"):
+        train(make_sequence(frames=1), iterations=1, clock=float)
+
+
+@pytest.mark.parametrize("preset", ["splats", "fast"])
+def test_two_frames_are_enough(preset: str):
+    two = losing(make_sequence(), {1, 2, 3, 4})
+    assert train(two, preset=preset, iterations=1, clock=float).metrics["steps"] == 1
 
 
 def test_splats_learn_as_if_empty_frames_were_not_there():

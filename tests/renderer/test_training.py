@@ -128,6 +128,7 @@ def test_divergence_is_rolled_back(monkeypatch):
     poison(monkeypatch, times=2)
     model = trained(iterations=200)
     assert model.metrics["rollbacks"] == 2
+    assert 0.0 < model.metrics["rollback_seconds"] < model.metrics["train_seconds"]
     assert np.isfinite(model.parameters).all()
 
 

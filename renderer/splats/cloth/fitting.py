@@ -72,7 +72,8 @@ class Outlines:
 
     @classmethod
     def of(cls, sequence: Sequence, count: int = _FRAMES) -> Outlines:
-        """Of at most `count` frames of `sequence`, whose body has a surface."""
+        """Of at most `count` frames of `sequence`, whose body has a surface: as many rows and
+        columns as all of them have."""
         from renderer.splats.cloth.simulation_kernels import cover
 
         body, frames = sequence.body, sequence.train
@@ -89,9 +90,10 @@ class Outlines:
             posed = body.posed_vertices(frames.pose(frame))
             cover(_projected(projections[-1], posed), body.faces.astype(np.int32), covered)
             covers.append(covered > 0)
+        rows, columns = np.min([mask.shape for mask in masks], axis=0)
         return cls(
-            np.stack(masks),
-            np.stack(covers),
+            np.stack([mask[:rows, :columns] for mask in masks]),
+            np.stack([covered[:rows, :columns] for covered in covers]),
             np.stack(projections),
             MotionPath.of(motion, body.skeleton, sequence.motion.times_s[chosen]),
         )

@@ -75,3 +75,17 @@ def test_a_page_says_what_makes_an_origin_less_than_certain():
     assert measured_at({**clean, "rows": rows}) == (
         "Measured at `abcdef0` on 2026-05-01 (a processor, reference loop 11 to 20 ms)."
     )
+
+
+def test_rows_that_tell_nothing_are_of_the_commit_of_their_file():
+    file = {
+        "commit": "abcdef0",
+        "date": "2026-05-01T12:00:00+00:00",
+        "uncommitted_changes": False,
+        "machine": {"processor": "a processor"},
+    }
+    later = {**file, "commit": "1234567", "date": "2026-05-02T12:00:00+00:00"}
+    both = "`1234567` on 2026-05-02 (a processor) and `abcdef0` on 2026-05-01 (a processor)"
+    assert measured_at({**file, "rows": [{"psnr": 30.0}, later]}) == f"Measured at {both}."
+    alone = measured_at({**file, "rows": [later], "speed": [{"ms": 1.0}]})
+    assert alone == "Measured at `1234567` on 2026-05-02 (a processor)."

@@ -15,7 +15,11 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.splats.cloth import fitting
 from renderer.splats.cloth.fitting import Outlines, find_cut, shrunk
-from scene.sequence import Sequence
+from renderer.training import train
+from scene.arrays import Array, Float
+from scene.camera import Camera
+from scene.motion import Pose
+from scene.sequence import FrameSource, Sequence
 
 
 @pytest.mark.parametrize("size", [(33, 25), (100, 77), (7, 60)])
@@ -48,6 +52,40 @@ class _Masked:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._frames, name)
+
+
+class _Ended:
+    """Frames of `source`, each of which ends after `rows` of its own."""
+
+    def __init__(self, source: FrameSource, rows: list[int]) -> None:
+        self._source, self._rows = source, rows
+
+    def __len__(self) -> int:
+        return len(self._source)
+
+    def camera(self, index: int) -> Camera:
+        camera = self._source.camera(index)
+        return camera.cropped(0, 0, camera.width, self._rows[index])
+
+    def pose(self, index: int) -> Pose:
+        return self._source.pose(index)
+
+    def image(self, index: int) -> Float[Array, "H W 3"]:
+        return self._source.image(index)[: self._rows[index]]
+
+    def mask(self, index: int) -> Float[Array, "H W"]:
+        return self._source.mask(index)[: self._rows[index]]
+
+
+def test_frames_of_many_sizes_are_compared_where_all_have_pixels(tmp_path: Path):
+    make_sequence(tmp_path / "plain", seed=1, frames=16, size=80, test_cameras=1)
+    whole = open_sequence(tmp_path / "plain")
+    ended = replace(whole, train=_Ended(whole.train, [50 + index for index in range(16)]))
+    theirs, ours = Outlines.of(whole), Outlines.of(ended)
+    assert theirs.body[:, :50].any()  # else nothing is tested
+    np.testing.assert_array_equal(ours.masks, theirs.masks[:, :50])
+    np.testing.assert_array_equal(ours.body, theirs.body[:, :50])
+    assert train(ended, iterations=1, clock=float).metrics["steps"] == 1
 
 
 def test_of_hair_that_stands_out_no_cut_is_fitted(tmp_path: Path, monkeypatch: Any):
