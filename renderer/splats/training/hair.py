@@ -2,8 +2,9 @@
 
 Frames from one side show the volume of hair in outlines: how far these lie off the skin, all round
 the head. Sides that no frame shows are given what the outlines next to them, and those opposite,
-have at that height. What stands off the neck counts as hair where it has another colour than skin.
-Hair that hangs beside the face hangs straight down behind, too; shorter hair follows the skull.
+have at that height, as far as all outlines allow. What stands off the neck counts as hair where it
+has another colour than skin. Hair that hangs beside the face hangs straight down behind, too;
+shorter hair follows the skull.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from renderer.splats.training.initialisation import FirstSplats
 from renderer.splats.training.neighbours import mean_of_neighbours, neighbours_at_rest
 from renderer.splats.training.surface_kinds import HEAD_KINDS, KINDS
 from renderer.splats.training.views import View
+from renderer.splats.training.visual_hull import share_within_outlines
 from scene.arrays import Array, Bool, Float, Int
 from scene.skeleton import HEAD, JOINT_NAMES, Skeleton
 
@@ -92,6 +94,11 @@ class _Head:
     @property
     def rest(self) -> Float[Array, "H 3"]:
         return self.surface[:, POSITION : POSITION + 3]
+
+    @property
+    def bare_m(self) -> Float[Array, "H"]:
+        """How far the outline of bare splats is found off the skin."""
+        return _BEYOND_M + _BEYOND_WIDTHS * np.exp(self.surface[:, LOG_SCALE])
 
     @classmethod
     def of(
@@ -187,7 +194,8 @@ def hair_of_unseen_sides(
     outlines, none = _Outlines(head), Hair.none(len(surface))
     if not unseen[head.splats].any():
         return none
-    for view, transforms in frames:
+    looked_at = list(frames)
+    for view, transforms in looked_at:
         outlines.look(view, transforms)
     if not any(len(pixels) for pixels in outlines.skin):
         return none
@@ -202,6 +210,15 @@ def hair_of_unseen_sides(
     beside_face = share[head.kinds == _FACE] > 0.5
     long = bool(len(beside_face) and beside_face.mean() > _LONG)
     moves = _hanging(head, joint, distances, covered, (share > 0.5) & long)
+    within = share_within_outlines(
+        head.surface[covered],
+        head.joints[covered],
+        head.weights[covered],
+        moves,
+        head.bare_m[covered],
+        looked_at,
+    )
+    moves *= within[:, None]
     rows = head.splats[covered]
     none.covered[rows] = True
     none.moves[rows] = moves
@@ -248,8 +265,7 @@ def _hair_on_outlines(
     skin = np.median(np.concatenate(outlines.skin), axis=0)
     scalp = colours[(head.kinds == _SCALP) & np.isfinite(colours[:, 0])]
     known = np.isfinite(off) & np.isfinite(colours[:, 0]) & (head.kinds != _TRUNK)
-    bare = _BEYOND_M + _BEYOND_WIDTHS * np.exp(head.surface[:, LOG_SCALE])
-    off = np.maximum(off - bare, 0.0)
+    off = np.maximum(off - head.bare_m, 0.0)
     unlike = np.linalg.norm(colours - skin, axis=1)
     apart = np.linalg.norm(np.median(scalp, axis=0) - skin) if len(scalp) else np.inf
     least = max(_UNLIKE_SKIN * apart, _LEAST_UNLIKE)
