@@ -31,7 +31,7 @@ from renderer.splats.training.evidence import (
     shown_pixels,
     surface_cosines,
 )
-from renderer.splats.training.filling import fill_unseen, held_colours
+from renderer.splats.training.filling import held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
 from renderer.splats.training.finger_bends import FingerBends
 from renderer.splats.training.hair import Hair
@@ -396,16 +396,17 @@ class SplatTrainer:
         self._rate_factor *= 0.5
 
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
-        """The model, with unseen splats filled in: now, unless they were while training went on.
-        Filled once more, what lies behind lips and lids would change, and shine through them."""
+        """The model, with unseen splats filled in: now, where no step came late enough for it, as
+        on a machine where a pass over all poses took the rest of the time. Filled once more, what
+        lies behind lips and lids would change, and shine through them."""
+        if self._found is None:
+            self._fill()
         evidence, parameters = self._found, self.splats.parameters
-        if evidence is None:
-            evidence = self._evidence()
-            parameters = fill_unseen(parameters, evidence, self.splats.kinds)
+        assert evidence is not None
         seen = evidence.seen
         seen_share = round(float(seen.mean()), 4)
         model = self._model(parameters, seen, {**metrics, "seen_share": seen_share})
-        if self._found is not None and self.adds_sides:
+        if self.adds_sides:
             model = with_strands(model, self._hair)
         return replace(model, metrics={**model.metrics, "splats": len(model)})
 

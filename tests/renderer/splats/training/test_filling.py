@@ -219,3 +219,19 @@ def test_what_only_a_rim_shows_keeps_what_it_was_filled_with_but_for_hands_and_t
     normals[5] = (1.0, 0.0, 0.0)
     held = held_colours(Evidence.of(pixels, facing), kinds, normals)
     assert np.flatnonzero(held).tolist() == [0, 1, 3, 5, 7]
+
+
+def test_a_training_whose_last_steps_took_all_its_time_is_filled_in_the_end():
+    """As one is where a pass over all poses goes on past the end."""
+    settings = replace(SplatSettings(), count=400, most=400)
+    models = []
+    for fractions in ((), (0.9,)):
+        trainer = SplatTrainer(make_sequence(), settings, 0)
+        for _ in range(4):
+            trainer.step(0.1)
+        for fraction in fractions:
+            trainer.before_step(fraction)
+        models.append(trainer.finish({}))
+    late, filled = models
+    np.testing.assert_array_equal(late.parameters, filled.parameters)
+    np.testing.assert_array_equal(late.seen, filled.seen)
