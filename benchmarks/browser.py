@@ -36,17 +36,20 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def open_page(width: int = 1024, height: int = 768, webcam: Path | None = None) -> Iterator[Page]:
+def open_page(
+    width: int = 1024, height: int = 768, webcam: Path | None = None, *, any_script: bool = False
+) -> Iterator[Page]:
     """A page of a fresh browser, which must not fail (faults_of).
 
-    With `webcam`, a file of Motion JPEG, its camera is allowed and shows that, over and over.
+    With `webcam`, a file of Motion JPEG, its camera is allowed and shows that, over and over. With
+    `any_script` its security policy does not hold, for one that listens in.
     """
     camera = (
         [] if webcam is None else [*_CAMERA_FLAGS, f"--use-file-for-fake-video-capture={webcam}"]
     )
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium(), args=[*_FLAGS, *camera])
-        page = browser.new_page(viewport={"width": width, "height": height})
+        page = browser.new_page(viewport={"width": width, "height": height}, bypass_csp=any_script)
         faults = faults_of(page)
         yield page
         browser.close()
