@@ -112,10 +112,10 @@ def covered_torso(
 ) -> None:
     """The torso where hands were in front of it, against the rest of it: lifelike performers."""
     require_human_assets(assets)
-    from benchmarks.covered_torso import OutsideData, run
+    from benchmarks.covered_torso import PerformersAndNetworks, run
 
     writer = start("covered-torso", commits, narrowed=bool(only) or clock != "processor")
-    run(writer, OutsideData(assets, backbone, *landmark_models()), clock, only)
+    run(writer, PerformersAndNetworks(assets, backbone, *landmark_models()), clock, only)
 
 
 @app.command("train")

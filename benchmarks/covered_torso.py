@@ -111,7 +111,7 @@ class Covered:
 
 
 @dataclass(frozen=True)
-class OutsideData:
+class PerformersAndNetworks:
     """Where what does not ship with the package lies: performers, and networks."""
 
     assets: Path
@@ -121,7 +121,9 @@ class OutsideData:
     hand: Path
 
 
-def run(writer: FigureWriter, outside: OutsideData, clock_name: str, only: str = "") -> None:
+def run(
+    writer: FigureWriter, outside: PerformersAndNetworks, clock_name: str, only: str = ""
+) -> None:
     """Measure who was not measured yet, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
     conditions = {
@@ -146,7 +148,7 @@ def run(writer: FigureWriter, outside: OutsideData, clock_name: str, only: str =
 
 
 def measure(
-    name: str, poses: str, outside: OutsideData, clock: Clock, budget_s: float
+    name: str, poses: str, outside: PerformersAndNetworks, clock: Clock, budget_s: float
 ) -> dict[str, Any]:
     """LPIPS of the torso that hands covered, and of the rest of it, hands away."""
     performer = make_lifelike_performer(LIFELIKE_PERFORMERS[name], outside.assets)
@@ -205,7 +207,7 @@ def _known(
     return open_sequence(folder / "clip"), frames
 
 
-def _captured(outside: OutsideData) -> Filming:
+def _captured(outside: PerformersAndNetworks) -> Filming:
     """The same from pixels: both motions are one film before a room, which is captured; its first
     part is trained on. Only the focal length is known."""
 
