@@ -12,13 +12,11 @@ aligned with its own picture.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from scipy.optimize import least_squares
@@ -29,10 +27,10 @@ from benchmarks.reporting.timing import Clock, clock_named
 from capture.pipeline import CaptureOptions, capture_clip
 from capture.sources.clips import read_clip
 from capture.storage import open_sequence, write_sequence
+from capture.studio.footage import Footage, FootageWriter
 from capture.studio.lifelike.performer import DressedPerformer, make_lifelike_performer
 from capture.studio.motions import turntable_motion
 from capture.studio.named_performers import LIFELIKE_PERFORMERS
-from capture.studio.room import room_background
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.pose_alignment import Aligner
 from renderer.training import train
@@ -61,9 +59,6 @@ _COVERING = tuple(
 _TORSO_JOINTS, _COVERING_JOINTS = (
     [JOINT_NAMES.index(name) for name in names] for names in (_TORSO, _COVERING)
 )
-
-
-Filming = Callable[["Covered", Motion, Motion, Path], tuple[Sequence, list[Frame]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,8 +153,8 @@ def measure(
     clip, away = hands_before_chest(skeleton, FRAMES), hands_away(TEST_FRAMES)
     with tempfile.TemporaryDirectory() as folder:
         captured = poses == "captured"
-        film = _captured(outside) if captured else _known
-        sequence, judged = film(scene, clip, away, Path(folder))
+        film = (scene, clip, away, Path(folder))
+        sequence, judged = _captured(*film, outside) if captured else _known(*film)
         model = train(
             sequence, preset="splats", budget_s=budget_s, find_light=True, clock=clock.now
         )
@@ -207,43 +202,36 @@ def _known(
     return open_sequence(folder / "clip"), frames
 
 
-def _captured(outside: PerformersAndNetworks) -> Filming:
+def _captured(
+    scene: Covered, clip: Motion, away: Motion, folder: Path, outside: PerformersAndNetworks
+) -> tuple[Sequence, list[Frame]]:
     """The same from pixels: both motions are one film before a room, which is captured; its first
     part is trained on. Only the focal length is known."""
-
-    def film(
-        scene: Covered, clip: Motion, away: Motion, folder: Path
-    ) -> tuple[Sequence, list[Frame]]:
-        room = room_background(scene.camera, _ROOM_SEED)
-        poses = [motion.pose(number) for motion in (clip, away) for number in range(len(motion))]
-        pictures = folder / "film"
-        pictures.mkdir()
-        filmed = [_frame(scene, pose) for pose in poses]
-        for number, frame in enumerate(filmed):
-            image = np.clip(frame.image + (1.0 - frame.mask[..., None]) * room, 0.0, 1.0)
-            pixels = (255.0 * image[..., ::-1] + 0.5).astype(np.uint8)
-            cv2.imwrite(str(pictures / f"{number:03d}.png"), pixels)
-        focal_px = float(scene.camera.intrinsics[0, 0])
-        options = CaptureOptions(
-            person="captured",
-            pose_model=outside.pose,
-            face_model=outside.face,
-            hand_model=outside.hand,
-            focal_px=focal_px,
-        )
-        capture_clip(pictures, folder / "clip", options)
-        captured = open_sequence(folder / "clip")
-        times_s = read_clip(pictures, len(poses)).times_s
-        size = (scene.camera.width, scene.camera.height)
-        camera = whole_camera(captured.train.camera(0), focal_px, size)
-        judged = [
-            Frame(frame.image, frame.mask, camera, captured.motion.pose_at(float(time_s)))
-            for frame, time_s in zip(filmed[len(clip) :], times_s[len(clip) :], strict=True)
-        ]
-        before = captured.motion.times_s < times_s[len(clip)] - 1e-6
-        return captured.part(np.flatnonzero(before).tolist()), judged
-
-    return film
+    poses = [motion.pose(number) for motion in (clip, away) for number in range(len(motion))]
+    filmed = [_frame(scene, pose) for pose in poses]
+    footage = Footage(folder / "film", background="textured")
+    with FootageWriter(footage, scene.camera, RATE_HZ, _ROOM_SEED) as film:
+        for frame in filmed:
+            film.add(frame.image, frame.mask)
+    focal_px = float(scene.camera.intrinsics[0, 0])
+    options = CaptureOptions(
+        person="captured",
+        pose_model=outside.pose,
+        face_model=outside.face,
+        hand_model=outside.hand,
+        focal_px=focal_px,
+    )
+    capture_clip(footage.path, folder / "clip", options)
+    captured = open_sequence(folder / "clip")
+    times_s = read_clip(footage.path, len(poses)).times_s
+    size = (scene.camera.width, scene.camera.height)
+    camera = whole_camera(captured.train.camera(0), focal_px, size)
+    judged = [
+        Frame(frame.image, frame.mask, camera, captured.motion.pose_at(float(time_s)))
+        for frame, time_s in zip(filmed[len(clip) :], times_s[len(clip) :], strict=True)
+    ]
+    before = captured.motion.times_s < times_s[len(clip)] - 1e-6
+    return captured.part(np.flatnonzero(before).tolist()), judged
 
 
 @torch.no_grad()

@@ -104,7 +104,7 @@ def _looked_on(clip: Path) -> _JSON:
                 found = watched(meeting, [page])
                 if running:
                     seen[running[0]].append(found)
-    return {doing: _typical(found) for doing, found in seen.items()}
+    return {doing: _typical(found) for doing, found in seen.items() if found}
 
 
 def _typical(found: list[_JSON]) -> _JSON:

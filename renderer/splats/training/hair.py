@@ -314,9 +314,5 @@ def _pixels(
 ) -> tuple[Float[Array, "*batch 4"], Bool[Array, "*batch"]]:
     """What `view` shows at `places`, from 0 to 1, and nothing outside the picture; which lie below
     the picture."""
-    projected, _ = view.window.project(places)
-    height, width = view.rgba.shape[:2]
-    x, y = np.floor(projected).astype(int).transpose(-1, *range(projected.ndim - 1))
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    pixels = view.rgba[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
-    return np.where(inside[..., None], pixels / np.float32(255.0), 0.0), y >= height
+    pixels, inside, below = view.pixels_at(places)
+    return np.where(inside[..., None], pixels / np.float32(255.0), 0.0), below

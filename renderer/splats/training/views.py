@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from renderer.splats.rasteriser.workspace import pack_camera
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, Bool, Float, UInt8
 from scene.camera import Camera
 from scene.sequence import Crop, CropSource, FrameSource, crop_window
 
@@ -32,6 +32,18 @@ class View:
     def of(cls, rgba: UInt8[Array, "H W 4"], window: Camera) -> View:
         """What `window` saw."""
         return cls(rgba, window, pack_camera(window))
+
+    def pixels_at(
+        self, places: Float[Array, "*batch 3"]
+    ) -> tuple[UInt8[Array, "*batch 4"], Bool[Array, "*batch"], Bool[Array, "*batch"]]:
+        """The pixels that show `places` (m, in the world); whether the picture holds them, else
+        they are any pixels; and which lie below it."""
+        projected, _ = self.window.project(places)
+        height, width = self.rgba.shape[:2]
+        x, y = np.floor(projected).astype(int).transpose(-1, *range(projected.ndim - 1))
+        inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        pixels = self.rgba[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+        return pixels, inside, y >= height
 
     def resized(self, scale: float) -> View:
         """`scale` times as large, box-filtered; itself at 1."""

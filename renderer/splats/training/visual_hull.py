@@ -73,9 +73,5 @@ def _looked_up(
 
     places, normals = np.empty((2, len(surface), 3), np.float32)
     pose_surface(surface, np.zeros_like(places), joints, weights, transforms, places, normals)
-    projected, _ = view.window.project(places)
-    height, width = view.rgba.shape[:2]
-    x, y = np.floor(projected).astype(int).T
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    alpha = view.rgba[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1), 3]
-    return inside, alpha < 128
+    pixels, inside, _ = view.pixels_at(places)
+    return inside, pixels[..., 3] < 128
