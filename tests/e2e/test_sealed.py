@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, ViewportSize, expect
 
 from benchmarks.browser import open_page
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
@@ -31,7 +31,7 @@ from tools.build_sealed_cases import code, seal
 
 pytestmark = pytest.mark.e2e
 MINUTES = 60_000
-SIZE = {"width": 640, "height": 480}
+SIZE: ViewportSize = {"width": 640, "height": 480}
 PACE_MS = 40.0
 _KEY, _SALT = bytes(range(7, 23)), bytes(16)
 KEY = base64.urlsafe_b64encode(_KEY).rstrip(b"=").decode()
