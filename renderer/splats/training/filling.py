@@ -21,6 +21,8 @@ _MOST = 1e4
 """Greatest weight: beyond, it is the colour's own anyway."""
 _GUESS = 1.0
 """Weight of a guess, of the same measure: stray colours at the rim reach one or two splats far."""
+_ALIKE = 0.07
+"""Distance of two guessed colours at which they mix a third as much as if they were the same."""
 _CELL_M = 0.02
 """Side of the cubes whose mean colours stand for what was seen: a bright logo of many small splats
 counts no more than as much plain cloth."""
@@ -28,7 +30,7 @@ _MIRRORED_M = 0.04
 """How much farther than one beside it a cube counts whose mirror image that would be: people are
 about the same on both sides."""
 _CELLS = 60
-"""Nearest cubes whose median is the guess, mirrored ones among them."""
+"""Nearest cubes whose middle colour is the guess, mirrored ones among them."""
 _CELL_PX = 0.5
 """Evidence in a cube from which it counts."""
 _RANGE = (5.0, 95.0)
@@ -39,8 +41,9 @@ _SLIVER_PX = 0.15
 """Evidence below which the rim shows a sliver of a splat, where one that lies open has 1 px."""
 _FORWARD = 0.4
 """Depth of a normal at rest from which it belongs to the front of the face, not to a cheek."""
-_ACROSS = 0.45
-"""How much a distance across a limb counts, against one along it: clothes end along it."""
+_ACROSS = 0.1
+"""How much a distance across a limb or the trunk counts, against one along it: clothes end along
+it, and light that falls on one side of a chest does not fall on the back."""
 _SCALP, _FACE, _HANDS = (KINDS.index(kind) for kind in ("scalp", "face", "hands"))
 _OVEREXPOSED = 0.75
 """Brightest channel from which a cube of the scalp shows a lamp's light rather than hair."""
@@ -53,21 +56,20 @@ def fill_unseen(
     parameters: Float[Array, "N P"],
     evidence: Evidence,
     kinds: Int[Array, "N"],
-    under_hair: Bool[Array, "N"] | None = None,
 ) -> Float[Array, "N P"]:
     """`parameters` with the smoothest colours that agree with what frames determine.
 
     Colours minimise the squared differences between neighbours at rest plus, weighted by the
     fourth power of the evidence, those from the trained ones, plus those from a guess: the
-    median of the nearest seen surface of the same kind (screened membrane interpolation,
-    Terzopoulos 1986). What only the rim of outlines shows, a blend with splats in front and with
-    the background, first comes to the range of the seen surface near it. Shape and opacity stay:
-    training has made obstructing splats transparent.
+    middle colour of the nearest seen surface of the same kind (screened membrane interpolation,
+    Terzopoulos 1986). Neighbours of which different colours are guessed have no part in each
+    other: a sleeve, a hem and hair end in a line, also where no frame shows it. What only the rim
+    of outlines shows, a blend with splats in front and with the background, first comes to the
+    range of the seen surface near it. Shape and opacity stay: training has made obstructing splats
+    transparent.
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
-        under_hair: splats of the kind `scalp` that take hair's colour without any of the skin's
-            beside them: hair ends, it does not fade.
     """
     from scipy.sparse import diags
     from scipy.sparse.linalg import splu
@@ -81,9 +83,7 @@ def fill_unseen(
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
-    edges = neighbours_at_rest(parameters[:, _PLACE])
-    if under_hair is not None:
-        edges = _without_skin(edges, under_hair, kinds != _SCALP)
+    edges = _between_alike(neighbours_at_rest(parameters[:, _PLACE]), guesses)
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
     factors = splu(
@@ -96,11 +96,11 @@ def fill_unseen(
     return filled
 
 
-def _without_skin(edges, hair: Bool[Array, "N"], skin: Bool[Array, "N"]):
-    """`edges` but those between `hair` and `skin`."""
+def _between_alike(edges, guesses: Float[Array, "N 3"]):
+    """`edges` as far as what is guessed of both ends is alike."""
     pairs = edges.tocoo()
-    a, b = pairs.row, pairs.col
-    pairs.data[(hair[a] & skin[b]) | (skin[a] & hair[b])] = 0.0
+    apart = ((guesses[pairs.row] - guesses[pairs.col]) ** 2).sum(axis=1)
+    pairs.data *= np.exp(-apart / _ALIKE**2)
     return pairs.tocsr()
 
 
@@ -155,12 +155,19 @@ def _guesses(
         same = same if same.any() else np.ones_like(same)
         axes = _axes(int(kind))
         at, seen = rest[mine] * axes, places * axes
-        guesses[:, mine] = np.percentile(
-            _nearest(at, seen[same], means[same]), (50.0, *_RANGE), axis=1
-        )
+        near = _nearest(at, seen[same], means[same])
+        guesses[1:, mine] = np.percentile(near, _RANGE, axis=1)
         if kind == _SCALP and hairy.any():
-            guesses[0, mine] = np.median(_nearest(at, seen[hairy], means[hairy]), axis=1)
+            near = _nearest(at, seen[hairy], means[hairy])
+        guesses[0, mine] = _nearest_to_median(near)
     return guesses
+
+
+def _nearest_to_median(near: Float[Array, "N K 3"]) -> Float[Array, "N 3"]:
+    """The colour of each K that is nearest to their median: where two garments meet, the median of
+    each channel by itself would be a colour of neither."""
+    apart = ((near - np.median(near, axis=1, keepdims=True)) ** 2).sum(axis=2)
+    return np.take_along_axis(near, apart.argmin(axis=1)[:, None, None], axis=1)[:, 0]
 
 
 def _nearest(

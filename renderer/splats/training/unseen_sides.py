@@ -37,5 +37,5 @@ def guess_sides(
         skeleton,
     )
     kinds = np.where(hair.covered, KINDS.index("scalp"), splats.kinds)
-    splats.parameters = fill_unseen(splats.parameters, found, kinds, hair.covered)
+    splats.parameters = fill_unseen(splats.parameters, found, kinds)
     return hair
