@@ -98,6 +98,12 @@ PARTS = (
         "trainer.hidden_by_limbs",
         lambda _, limbs, *__: _none_of(limbs),
     ),
+    _of_training(
+        "registered frames",
+        ("jasper", *REAL),
+        "step_views.StepViews.should_register",
+        lambda *_: False,
+    ),
     _of_unseen_sides("fingers of skin", REAL, "trainer.strays_on_hands", _none_of),
     _of_training("smooth hands", REAL, "trained_splats.TrainedSplats.pull_hands", lambda *_: None),
     _of_training("fingers bent", REAL, "finger_bends.FingerBends.learn", lambda *_: None),

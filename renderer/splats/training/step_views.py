@@ -1,12 +1,21 @@
-"""What a step of a training looks at: a whole person, a part as filmed, or a person from beside."""
+"""What a step of a training looks at: a whole person, a part as filmed, or a person from beside.
+
+Where poses are estimated, frames are looked at as registered to the model from half of it on.
+"""
 
 from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 
 import numpy as np
 
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.beside import PosedSurface, seen_from_beside
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
+from renderer.splats.training.registration import flow_to_frame, registered
 from renderer.splats.training.surface_kinds import HEAD_KINDS
 from renderer.splats.training.trained_splats import TrainedSplats
 from renderer.splats.training.views import View
@@ -17,6 +26,9 @@ from scene.skeleton import HEAD, JOINT_NAMES
 _CHEST = JOINT_NAMES.index("spine3")
 _TURNS_RAD = float(np.radians(40.0))
 """A part that turns as far tells its depth by itself, better than the surface that is guessed."""
+_REGISTERED_FROM = (0.5, 0.75)
+"""Shares of the training after which frames, as filmed, are registered to the model."""
+_AS_FILMED = np.zeros((0, 1, 1, 2), np.float16)
 _MOST = (5.0, 95.0)
 """Percentiles of a clip's frames between which a part turns."""
 
@@ -26,14 +38,56 @@ class StepViews:
 
     def __init__(self, filmed: list[View], sequence: Sequence, settings: SplatSettings) -> None:
         self._filmed, self._settings = filmed, settings
-        self.whole = whole_views(filmed, settings.whole_px)
-        """Each frame, small enough for a step to see all of the person."""
-        larger = self.whole[0] is not filmed[0]
-        self._windows = FullSizeWindows(filmed, settings) if larger else None
-        uncertain = sequence.pose_trust is PoseTrust.ESTIMATED
+        self._flows, self._registrations = _AS_FILMED, 0
+        self._look_at(filmed)
+        self.whole = self._whole
+        """Each frame, small enough for a step to see all of the person; never registered."""
+        self._uncertain = sequence.pose_trust is PoseTrust.ESTIMATED
         self._head_faces, self._trunk_faces = (
-            uncertain and turn_rad(sequence, joint) < _TURNS_RAD for joint in (HEAD, _CHEST)
+            self._uncertain and turn_rad(sequence, joint) < _TURNS_RAD for joint in (HEAD, _CHEST)
         )
+
+    def _look_at(self, frames: list[View]) -> None:
+        self._frames, self._whole = frames, whole_views(frames, self._settings.whole_px)
+        larger = self._whole[0] is not frames[0]
+        self._windows = FullSizeWindows(frames, self._settings) if larger else None
+
+    def should_register(self, fraction: float) -> bool:
+        """Whether frames are to be registered, `fraction` of the way through the training."""
+        rounds = self._registrations
+        due = rounds < len(_REGISTERED_FROM) and fraction >= _REGISTERED_FROM[rounds]
+        return due and self._uncertain
+
+    def register(
+        self, pictures: Iterable[tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]]
+    ) -> None:
+        """Look at the frames as registered to the model from now on.
+
+        Args:
+            pictures: the model in each frame, and the frame, in the size of `whole`.
+        """
+        self._registrations += 1
+        cores, waiting, flows = len(os.sched_getaffinity(0)), iter(pictures), list[Array]()
+        with ThreadPoolExecutor(cores, "register") as pool:
+            while some := list(islice(waiting, cores)):
+                flows += pool.map(flow_to_frame, *zip(*some, strict=True))
+        self._move(np.stack(flows))
+
+    def _move(self, flows: Float[Array, "F G G 2"]) -> None:
+        self._flows = flows
+        moved = map(registered, self._filmed, flows)
+        self._look_at(list(moved) if len(flows) else self._filmed)
+
+    def state(self) -> dict[str, Array]:
+        """What `restore` needs."""
+        return {"flows": self._flows, "registrations": np.array(self._registrations)}
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go back to `state`; one of before frames were registered has them as they were filmed."""
+        self._registrations = int(state.get("registrations", 0))
+        flows = state.get("flows", _AS_FILMED)
+        if not np.array_equal(flows, self._flows):
+            self._move(flows)
 
     def drawn(
         self,
@@ -50,7 +104,7 @@ class StepViews:
         if one_sided and fraction > settings.beside_from and rng.random() < settings.beside_share:
             return self._from_beside(frame, splats, transforms, rng)
         if self._windows is None or rng.random() >= settings.window_share:
-            return self.whole[frame]
+            return self._whole[frame]
         return self._windows.drawn(frame, splats, transforms, rng)
 
     def _from_beside(
@@ -70,8 +124,8 @@ class StepViews:
         angle = rng.choice([-1.0, 1.0]) * np.radians(rng.uniform(*self._settings.beside_deg))
         camera = self.whole[frame].window.carried_round(surface.middle, float(angle))
         return seen_from_beside(
-            self.whole[frame],
-            self._filmed[frame].rgba,
+            self._whole[frame],
+            self._frames[frame].rgba,
             camera,
             surface,
             self._one_sided(splats),

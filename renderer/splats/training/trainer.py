@@ -141,12 +141,14 @@ class SplatTrainer:
 
     def before_step(self, fraction: float) -> None:
         """Make coarse splats finer; estimate the light, once splats have the person's colours;
-        later, fill the sides that no frame shows."""
+        later, register the frames, and fill the sides that no frame shows."""
         if (planned := self._resizing.awaited) is not None and fraction >= _DENSIFIED_FROM:
             self._densify(planned)
         if self._cloth is not None and self._cloth.due(fraction):
             self._cloth.refine(self._difference, self.splats, *self._moved())
             self.splats.wear(self._cloth)
+        if self._looks.should_register(fraction):
+            self._looks.register(self.pictures(frame) for frame in range(self.frames))
         if self._found is None and fraction >= self._settings.filled_from:
             self._fill()
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
@@ -368,6 +370,7 @@ class SplatTrainer:
             **self._poses.state(),
             **self._bends.state(),
             **self._guard.state(),
+            **self._looks.state(),
             **(self._passes.state() if self._passes else {}),
             **(self._light.state() if self._light else {}),
             **(self._cloth.state() if self._cloth else {}),
@@ -388,6 +391,7 @@ class SplatTrainer:
         self._rng.bit_generator.state, self._queue = rng_state["rng"], list(rng_state["queue"])
         self._light, self._found = CapturedLight.restored(state), None
         self._guard.restore(state)
+        self._looks.restore(state)
         if self._passes is not None:
             self._passes.restore(state)
 
