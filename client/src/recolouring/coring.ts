@@ -1,7 +1,7 @@
 /** What a picture shows that the model does not show as well: renderer/live_look/coring.py, of pictures of `SIDE` px. */
 
 import { chosenAround } from "./around";
-import type { CutOutPicture } from "./liveColours";
+import type { CutOutPicture } from "./pictureReader";
 
 /** Difference, in sRGB, up to which a pixel shows nothing new, and from which all of what it shows. */
 const EXPLAINED = 0.06;

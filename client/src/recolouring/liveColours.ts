@@ -15,6 +15,7 @@ import { finestLevel, ofAllLevels, placesOfAllLevels } from "./finestLevel";
 import { Footprints } from "./footprints";
 import { hiddenByBody, hiddenByLimbs, limbSplats } from "./hidden";
 import { nearest } from "./neighbours";
+import type { CutOutPicture } from "./pictureReader";
 import { ProjectedSplats, type Lens } from "./projected";
 import type { DrawsPosed } from "./webcamView";
 
@@ -40,13 +41,6 @@ const GONE_S = 1;
 const COMES_S = 0.1;
 const EXPOSURE_S = 1;
 const UNCHANGED = [1, 1, 1] as const;
-
-/** A person's picture: RGB of each pixel and how well it is known, each 0 to 1; black where it is not. */
-export interface CutOutPicture {
-  side: number;
-  rgb: Float32Array;
-  known: Float32Array;
-}
 
 export class LiveColours {
   private readonly splats: ProjectedSplats;

@@ -4,12 +4,18 @@ import { PICTURE_PX } from "../look/cutOut";
 import { lower } from "../look/keying";
 import { chosenAround } from "./around";
 import type { FinePicture } from "./detail";
-import type { CutOutPicture } from "./liveColours";
 
 /** Matte from which a pixel shows nothing but the person, with all round it. */
 const INSIDE = 230;
 /** Colours are found in pictures made so large, px: a seventh of the work that all pixels are. */
 export const SIDE = 144;
+
+/** A person's picture: RGB of each pixel and how well it is known, each 0 to 1; black where it is not. */
+export interface CutOutPicture {
+  side: number;
+  rgb: Float32Array;
+  known: Float32Array;
+}
 
 export class PictureReader {
   private readonly small = penOf(SIDE);

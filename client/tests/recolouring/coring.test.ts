@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Coring, exposureBeside } from "../../src/recolouring/coring";
-import type { CutOutPicture } from "../../src/recolouring/liveColours";
+import type { CutOutPicture } from "../../src/recolouring/pictureReader";
 
 const SIDE = 16;
 const AS_IT_IS = [1, 1, 1];

@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
 import { Footprints } from "../../src/recolouring/footprints";
 import { hiddenByBody, hiddenByLimbs, limbSplats } from "../../src/recolouring/hidden";
-import { LiveColours, type CutOutPicture } from "../../src/recolouring/liveColours";
+import { LiveColours } from "../../src/recolouring/liveColours";
+import type { CutOutPicture } from "../../src/recolouring/pictureReader";
 import { nearest } from "../../src/recolouring/neighbours";
 import { PICTURE_PX } from "../../src/look/cutOut";
 import { cutOutPicture } from "../../src/recolouring/pictureReader";
