@@ -28,7 +28,6 @@ _LEAST_PX = 12
 """Sides of the smallest picture in which flow is sought."""
 _OVER = 0.5
 """Grey behind both, darker than light clothes and lighter than dark ones."""
-_LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 def flow_to_frame(
@@ -81,5 +80,8 @@ def _moved(picture: Array, flow: Float[Array, "H W 2"], interpolation: int) -> A
 
 
 def _grey(picture: Float[Array, "H W 4"]) -> Array:
+    import cv2
+
     over = picture[..., :3] + _OVER * (1.0 - picture[..., 3:])
-    return (np.clip(over @ _LUMA, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    luma = cv2.cvtColor(over, cv2.COLOR_RGB2GRAY)
+    return (np.clip(luma, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
