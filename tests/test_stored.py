@@ -195,11 +195,14 @@ def test_stopped_training_goes_on(kind, levels, sequence, expected, tmp_path):
     assert wanted["step"] == 20
     assert steps == [iterations]
     assert model.metrics["steps"] == wanted["metrics"]["steps"]
-    # rounding differs between processors and grows from step to step, and of splats a step is
-    # another one than it was; a run of the remaining steps alone, from scratch, differs in 5 to 8 %
-    # of the pixels
     assert model.metrics["loss"] == pytest.approx(wanted["metrics"]["loss"], rel=0.1)
-    assert share_alike(model, sequence, f"{kind}-stopped", levels) >= 0.98
+    # steps and the filling of unseen sides are others than they were, and rounding differs between
+    # processors: whoever began anew is the measure of how far apart two runs can come
+    anew = train(sequence, preset=preset, iterations=iterations - 20, clock=lambda: 0.0)
+    apart, anew_apart = (
+        1.0 - share_alike(one, sequence, f"{kind}-stopped", levels) for one in (model, anew)
+    )
+    assert apart < 0.5 * anew_apart
 
 
 @pytest.mark.parametrize("layout", ["smpl24", "mediapipe33"])
