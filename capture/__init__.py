@@ -14,3 +14,5 @@ By stages, as data flows, each floor importing only those above it:
 `capture.studio` records synthetic performers with exact truth. Nothing is imported here: reading a
 sequence must load neither the estimator nor the studio's kernels.
 """
+
+import scene  # noqa: F401 - says how threads wait, before numpy is first imported

@@ -19,7 +19,7 @@ import numpy as np
 from renderer.performer_model import PerformerModel
 from renderer.splats.cloth.hanging import ClothSwing
 from renderer.splats.cloth.tubes import Tubes
-from renderer.splats.layout import NEAR_M, PARAMETERS, ROTATION, TILE
+from renderer.splats.layout import NEAR_M, OPACITY, PARAMETERS, ROTATION, TILE
 from renderer.splats.levels.detail import ViewDetail
 from renderer.splats.levels.tree import LevelTree, tree_soon
 from renderer.splats.model import SplatModel
@@ -215,7 +215,7 @@ def warm_up() -> None:
 
     torch.set_num_threads(1)
     row = np.zeros((1, PARAMETERS), np.float32)
-    row[0, ROTATION] = 1.0
+    row[0, ROTATION], row[0, OPACITY] = 1.0, 4.0
     rest = Pose.rest()
     model = SplatModel(
         row,

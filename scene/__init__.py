@@ -1,7 +1,14 @@
 """The words that all blocks speak: cameras, skeletons, motion, sequences, scenes. No I/O."""
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+# Threads of OpenMP and OpenBLAS spin while they wait, which starves the kernels that follow and
+# every other process where cores are few: a step of training takes 1.4 times as long. The libraries
+# read these once, the latter when numpy is first imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
 
 if TYPE_CHECKING:
     from scene.body import Body

@@ -69,6 +69,29 @@ def test_what_starts_often_does_not_wait_for_torch_nor_ray(module: str, more: se
     assert done.returncode == 0, done.stderr
 
 
+NUMPY_COMES_LAST = """
+import os, sys
+
+class Told:
+    def find_spec(self, name, *_):
+        if name == "numpy":
+            wait = ("OMP_WAIT_POLICY", "OPENBLAS_THREAD_TIMEOUT")
+            print({name: os.environ.get(name) for name in wait})
+
+sys.meta_path.insert(0, Told())
+import numpy
+"""
+
+
+@pytest.mark.parametrize("package", ["capture", "renderer", "services"])
+def test_how_threads_wait_is_said_before_numpy_starts_them(package: str):
+    told = NUMPY_COMES_LAST.replace("import numpy", f"import {package}, numpy")
+    done = subprocess.run(
+        [sys.executable, "-c", told], capture_output=True, text=True, check=True, env={}
+    )
+    assert done.stdout == "{'OMP_WAIT_POLICY': 'passive', 'OPENBLAS_THREAD_TIMEOUT': '4'}\n"
+
+
 def test_every_word_of_scene_is_that_of_its_module():
     import scene
 

@@ -15,7 +15,7 @@ from renderer.pose_refinement.photometry import (
     POSE_PARAMETERS,
     SkinnedPoints,
     apply_pose_step,
-    pixel_jacobian,
+    pixel_equations,
 )
 from renderer.splats.layout import POSITION, VISIBILITY_DILATION_PX2
 from renderer.splats.model import SplatModel
@@ -115,15 +115,18 @@ class FlowAligner:
     ) -> Float[Array, "75"]:
         if not len(front):
             return np.zeros(POSE_PARAMETERS)
-        jacobian = pixel_jacobian(self._points, front, self._model.skeleton, camera, pose)
         weight = 1.0 / (1.0 + (moved**2).sum(axis=1) / _FAR_PX**2)
-        flat = jacobian.reshape(-1, POSE_PARAMETERS).astype(np.float64)
-        weighted = flat * np.repeat(weight, 2)[:, None]
-        matrix = weighted.T @ flat
-        stiff = _PRIOR * _STIFFNESS * max(float(np.median(np.diag(matrix))), 1e-6)
-        step = np.linalg.solve(
-            matrix + stiff * np.eye(POSE_PARAMETERS), weighted.T @ moved.reshape(-1)
+        matrix, vector = pixel_equations(
+            self._points,
+            front,
+            weight[:, None, None] * np.eye(2),
+            weight[:, None] * moved,
+            self._model.skeleton,
+            camera,
+            pose,
         )
+        stiff = _PRIOR * _STIFFNESS * max(float(np.median(np.diag(matrix))), 1e-6)
+        step = np.linalg.solve(matrix + stiff * np.eye(POSE_PARAMETERS), vector)
         return np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
 
 

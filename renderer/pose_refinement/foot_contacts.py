@@ -51,11 +51,11 @@ class FootContacts:
         as in `renderer.pose_refinement.photometry`."""
         transforms = skeleton.joint_transforms(angles, root)
         share = descendants(skeleton).T[_FEET]
-        up = np.tile(_UP, (len(_FEET), 1, 1))
+        up = np.tile(_UP, (len(_FEET), 1))
         soles = sole_positions(skeleton, transforms)
         jacobian = np.stack(
             [
-                pose_jacobian(sole, up, share, place, None)[:, 0]
+                pose_jacobian(sole, up, share, place)
                 for sole, place in zip(soles, transforms, strict=True)
             ]
         )

@@ -18,10 +18,10 @@ from renderer.pose_refinement.photometry import (
     normal_equations,
 )
 from renderer.splats.expressions import ClipBlendShapes
-from renderer.splats.layout import BOX_FILTER_PX2, VISIBILITY_DILATION_PX2
+from renderer.splats.layout import BOX_FILTER_PX2
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.training.views import View
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, Float, Int, UInt8
 from scene.camera import Camera
 
 _HEIGHTS_PX = (48.0, 96.0, 192.0)
@@ -75,15 +75,9 @@ class RefinementPasses:
         cost, pixels = 0.0, 0.0
         for frame, (truth, camera) in enumerate(self._level(level)):
             shown = expressions.moved(parameters, frame)
-            made = _box_filtered(self._render(frame, shown, points, poses), truth.shape[:2])
-            front = self._work.front(
-                shown,
-                points.joints,
-                points.weights,
-                poses.transforms(frame),
-                camera,
-                VISIBILITY_DILATION_PX2,
-            )
+            picture, front = self._render(frame, shown, points, poses)
+            made = _box_filtered(picture, truth.shape[:2])
+            front = _middles(front, truth.shape[:2])
             frame_equations = normal_equations(
                 made, truth, front, points, poses.skeleton, camera, poses.pose(frame), shared=True
             )
@@ -112,8 +106,8 @@ class RefinementPasses:
 
     def _render(
         self, frame: int, parameters: Array, points: SkinnedPoints, poses: PoseRefinement
-    ) -> Float[Array, "H W 4"]:
-        """The whole picture of `frame`, premultiplied."""
+    ) -> tuple[Float[Array, "H W 4"], Int[Array, "H W"]]:
+        """The whole picture of `frame`, premultiplied, and which splat each pixel shows."""
         import numba
 
         from renderer.splats.rasteriser.tile_kernels import draw
@@ -132,7 +126,7 @@ class RefinementPasses:
         )
         picture = np.empty((height, width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), picture)
-        return picture
+        return picture, work.arranged_front(width, height)
 
 
 def _downscaled(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
@@ -141,6 +135,13 @@ def _downscaled(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
     height, width = (side // share for side in view.rgba.shape[:2])
     picture = _box_filtered(view.rgba, (height, width)) / np.float32(255.0)
     return picture, view.window.cropped(0, 0, width * share, height * share).resized(width, height)
+
+
+def _middles(whole: Int[Array, "H W"], size: tuple[int, ...]) -> Int[Array, "h w"]:
+    """What `whole` has in the middle of each pixel of a picture of `size`."""
+    height, width = size
+    share = whole.shape[0] // height
+    return whole[share // 2 :: share, share // 2 :: share][:height, :width]
 
 
 def _box_filtered(

@@ -85,19 +85,19 @@ def normal_equations(
     rows, columns = np.nonzero(covered)
     r = difference[rows, columns]
     weight = (1.0 + (r**2).mean(axis=1) / _OUTLIER**2) ** -0.5
-    g = 0.5 * (_gradient(made) + _gradient(truth))[rows, columns]  # [P 4 2]
-    shown = front[rows, columns]
-    jacobian = pixel_jacobian(points, shown, skeleton, camera, pose, shared=shared)  # [P 2 D]
-    parameters = jacobian.shape[2]
+    g = _gradient(0.5 * (made + truth))[rows, columns]  # [P 4 2]
     weighted = np.swapaxes(g, 1, 2) * weight[:, None, None]
-    tensor, gradient = weighted @ g, weighted @ r[..., None]
-    flat_jacobian = jacobian.reshape(-1, parameters)
-    root = (_root(tensor) @ jacobian).reshape(-1, parameters)
-    return NormalEquations(
-        (root.T @ root).astype(np.float64),
-        (flat_jacobian.T @ gradient.reshape(-1)).astype(np.float64),
-        robust_cost(difference),
+    matrix, vector = pixel_equations(
+        points,
+        front[rows, columns],
+        weighted @ g,
+        (weighted @ r[..., None])[..., 0],
+        skeleton,
+        camera,
+        pose,
+        shared=shared,
     )
+    return NormalEquations(matrix, vector, robust_cost(difference))
 
 
 def robust_cost(difference: Float[Array, "H W 4"]) -> float:
@@ -106,63 +106,91 @@ def robust_cost(difference: Float[Array, "H W 4"]) -> float:
     return float(8.0 * _OUTLIER**2 * (np.sqrt(1.0 + squared) - 1.0).sum())
 
 
-def pixel_jacobian(
+def pixel_equations(
     points: SkinnedPoints,
     shown: Int[Array, "P"],
+    tensors: Float[Array, "P 2 2"],
+    gradients: Float[Array, "P 2"],
     skeleton: Skeleton,
     camera: Camera,
     pose: Pose,
     *,
     shared: bool = False,
-) -> Float[Array, "P 2 D"]:
-    """Pixels that the points `shown` move by a unit of each of the pose's numbers, then, where
-    asked, of those that the clip shares."""
-    skinning = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-    transforms = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
-    joints, weights = points.joints[shown].astype(np.int64), points.weights[shown]
-    blended = np.einsum("ps,psij->pij", weights, skinning[joints][:, :, :3])
-    world = (blended[:, :, :3] @ points.rest[shown][:, :, None])[..., 0] + blended[:, :, 3]
-    dense = np.zeros((len(shown), JOINT_COUNT), np.float32)
-    np.add.at(dense, (np.arange(len(shown))[:, None], joints), weights)
-    share = dense @ descendants(skeleton).T.astype(np.float32)
-    jacobian = pose_jacobian(
-        world, _projection_jacobian(camera, world), share, transforms, skeleton if shared else None
+) -> tuple[Float[Array, "D D"], Float[Array, "D"]]:
+    """Sums over pixels of J^T T J and J^T g: J are the pixels that the points `shown` move by a
+    unit of each of the pose's numbers, then, where asked, of those that the clip shares.
+
+    Args:
+        tensors: T, symmetric.
+        gradients: g.
+    """
+    import numba
+
+    from renderer.pose_refinement.photometry_kernels import OWN, by_numbers, sum_pixels
+
+    threads = numba.get_num_threads()
+    matrices = np.zeros((threads, JOINT_COUNT, JOINT_COUNT, OWN * OWN))
+    vectors = np.zeros((threads, JOINT_COUNT, OWN))
+    sum_pixels(
+        tensors.astype(np.float64),
+        gradients.astype(np.float64),
+        points.rest[shown].astype(np.float32),
+        points.joints[shown].astype(np.uint8),
+        points.weights[shown].astype(np.float32),
+        skeleton.skinning_transforms(pose.joint_angles, pose.root_translation),
+        _packed(camera),
+        matrices,
+        vectors,
     )
-    if not shared:
-        return jacobian
-    offset = camera.project(world)[0] - camera.intrinsics[:2, 2]
-    return np.concatenate([jacobian, offset[:, :, None].astype(np.float32)], axis=2)
+    bases = _bases(skeleton, pose, shared=shared)
+    matrix, vector = np.zeros((bases.shape[2], bases.shape[2])), np.zeros(bases.shape[2])
+    by_numbers(matrices, vectors, bases, matrix, vector)
+    return matrix, vector
+
+
+def _packed(camera: Camera) -> Float[Array, "4 4"]:
+    """Rows R|t, then fx, fy, cx, cy."""
+    k = camera.intrinsics
+    return np.vstack([camera.world_to_camera, (k[0, 0], k[1, 1], k[0, 2], k[1, 2])])
+
+
+def _bases(skeleton: Skeleton, pose: Pose, *, shared: bool) -> Float[Array, "24 7 D"]:
+    """How points that a joint carries move by a unit of each number: rotation about the world's
+    origin, shift, and the focal length's logarithm."""
+    transforms = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
+    own = np.zeros((JOINT_COUNT, 7, POSE_PARAMETERS + (SHARED_PARAMETERS if shared else 0)))
+    for k, transform in enumerate(transforms):
+        axes = transform[:3, :3]
+        own[k, :3, 3 * k : 3 * k + 3] = axes
+        own[k, 3:6, 3 * k : 3 * k + 3] = np.cross(transform[:3, 3], axes, axis=0)
+    own[0, 3:6, POSE_PARAMETERS - 3 : POSE_PARAMETERS] = np.eye(3)
+    if shared:
+        bones = _bones(skeleton, transforms)
+        own[1:, 3:6, POSE_PARAMETERS:-1] = bones[:, :, None] * _SHARED_BONES[:, None]
+        own[0, 6, -1] = 1.0
+    # a joint moves by what moves those above it, too
+    for joint, parent in enumerate(skeleton.parents[1:], 1):
+        own[joint] += own[parent]
+    return own
 
 
 def pose_jacobian(
     world: Float[Array, "P 3"],
-    by_position: Float[Array, "P R 3"],
+    by_position: Float[Array, "P 3"],
     share: Float[Array, "P 24"],
     transforms: Float[Array, "24 4 4"],
-    stretching: Skeleton | None,
-) -> Float[Array, "P R D"]:
-    """Jacobian of R functions of each point by the pose's parameters, then, with a skeleton for
-    `stretching`, by the bone lengths that the clip shares; float32.
+) -> Float[Array, "P 75"]:
+    """Jacobian of a function of each point by the pose's parameters.
 
-    `by_world` is what they change by as the point moves; `share`, how much of it follows each
-    joint; `places`, where the joints are.
+    Args:
+        by_position: what it changes by as the point moves.
+        share: how much of the point follows each joint.
+        transforms: of the joints, to the world.
     """
-    # a rotation w of joint k about c moves x by w x (x - c): a.(w x (x - c)) = w.(x x a) - w.(c x
-    # a)
-    about = np.cross(world[:, None], by_position)
-    frames = transforms[:, :3, :3]
-    lever = np.stack([_cross(transforms[k, :3, 3]).T @ frames[k] for k in range(JOINT_COUNT)])
-    basis = np.concatenate([frames, -lever], axis=1)  # [K 6 3]
-    basis = np.moveaxis(basis, 0, 1).reshape(6, -1)
-    by_joint = np.concatenate([about, by_position], axis=2).astype(np.float32) @ basis.astype(
-        np.float32
-    )
-    by_rotation = by_joint * np.repeat(share, 3, axis=1)[:, None]
-    parts = [by_rotation, by_position.astype(np.float32)]
-    if stretching is not None:
-        bones = by_position.astype(np.float32) @ _bones(stretching, transforms).T.astype(np.float32)
-        parts.append((bones * share[:, None, 1:]) @ _SHARED_BONES)
-    return np.concatenate(parts, axis=2)
+    arms = world[:, None] - transforms[:, :3, 3]
+    about = np.cross(arms, by_position[:, None]) * share[..., None]
+    by_rotation = np.einsum("pki,kij->pkj", about, transforms[:, :3, :3])
+    return np.concatenate([by_rotation.reshape(len(world), -1), by_position], axis=1)
 
 
 def with_bone_lengths(skeleton: Skeleton, step: Float[Array, "SHARED_PARAMETERS"]) -> Skeleton:
@@ -207,26 +235,15 @@ def _shared_bones() -> Float[Array, "N B"]:
 _SHARED_BONES = _shared_bones()
 
 
-def _projection_jacobian(camera: Camera, world: Float[Array, "P 3"]) -> Float[Array, "P 2 3"]:
-    """Jacobian of the pixel by the position in the world, px/m."""
-    rotation, shift = camera.world_to_camera[:, :3], camera.world_to_camera[:, 3]
-    in_camera = world @ rotation.T + shift
-    depth = np.maximum(in_camera[:, 2], 0.05)
-    fx, fy = camera.intrinsics[0, 0], camera.intrinsics[1, 1]
-    local = np.zeros((len(world), 2, 3))
-    local[:, 0, 0], local[:, 1, 1] = fx / depth, fy / depth
-    local[:, 0, 2] = -fx * in_camera[:, 0] / depth**2
-    local[:, 1, 2] = -fy * in_camera[:, 1] / depth**2
-    return local @ rotation
-
-
 def _dilate(front: Int[Array, "H W"]) -> tuple[Int[Array, "H W"], Bool[Array, "H W"]]:
     """`front` dilated by a few pixels, and where it is defined."""
-    grown = front.copy()
+    import cv2
+
+    # single precision holds every row's number
+    grown, cross = front.astype(np.float32), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     for _ in range(_DILATION_PX):
-        padded = np.pad(grown, 1, constant_values=-1)
-        around = (padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:])
-        grown = np.where(grown >= 0, grown, np.maximum.reduce(around))
+        grown = np.where(grown >= 0.0, grown, cv2.dilate(grown, cross))
+    grown = grown.astype(np.int32)
     return grown, grown >= 0
 
 
@@ -236,18 +253,3 @@ def _gradient(picture: Float[Array, "H W 4"]) -> Float[Array, "H W 4 2"]:
     along_x = 0.5 * (padded[1:-1, 2:] - padded[1:-1, :-2])
     along_y = 0.5 * (padded[2:, 1:-1] - padded[:-2, 1:-1])
     return np.stack([along_x, along_y], axis=3)
-
-
-def _root(tensor: Float[Array, "P 2 2"]) -> Float[Array, "P 2 2"]:
-    """U with U^T U = tensor (2x2, positive semi-definite), as float32."""
-    a = np.sqrt(np.maximum(tensor[:, 0, 0], 1e-20))
-    b = tensor[:, 0, 1] / a
-    root = np.zeros(tensor.shape, np.float32)
-    root[:, 0, 0], root[:, 0, 1] = a, b
-    root[:, 1, 1] = np.sqrt(np.maximum(tensor[:, 1, 1] - b**2, 0.0))
-    return root
-
-
-def _cross(v: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

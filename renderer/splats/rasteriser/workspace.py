@@ -71,8 +71,6 @@ class Workspace:
         dilation: float,
     ) -> Int[Array, "H W"]:
         """Which splat each pixel shows: the one that gives it most; -1 where none does."""
-        from renderer.splats.rasteriser.visibility_kernels import fill_visibility_buffer
-
         self.arrange(
             parameters,
             joints,
@@ -83,8 +81,17 @@ class Workspace:
             camera.height,
             dilation,
         )
-        front = np.empty((camera.height, camera.width), np.int32)
-        fill_visibility_buffer(self.projected, self.starts, self.entries, front)
+        return self.arranged_front(camera.width, camera.height)
+
+    def arranged_front(self, width: int, height: int) -> Int[Array, "H W"]:
+        """The same of what was arranged."""
+        import numba
+
+        from renderer.splats.rasteriser.visibility_kernels import fill_visibility_buffer
+
+        front = np.empty((height, width), np.int32)
+        threads = numba.get_num_threads()
+        fill_visibility_buffer(self.projected, self.starts, self.entries, threads, front)
         return front
 
 

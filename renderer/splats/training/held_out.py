@@ -82,8 +82,7 @@ class WatchedFrames:
         """Light that each splat blends into a frame on the mean, px."""
         total = np.zeros(len(self._trainer.splats))
         for frame in self._frames:
-            self._trainer.pictures(frame)
-            total += self._trainer.splats.contribution
+            total += self._trainer.light(frame)
         return total / len(self._frames)
 
     def errors(self) -> Errors:

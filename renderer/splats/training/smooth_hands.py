@@ -13,15 +13,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
+from renderer.splats.layout import COLOUR, POSITION
 from renderer.splats.training.surface_kinds import KINDS
 from scene.arrays import Array, Bool, Float, Int
 
 _HANDS = KINDS.index("hands")
 _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
-_SHAPES = (slice(LOG_SCALE, LOG_SCALE + 3), slice(ROTATION, ROTATION + 4), OPACITY)
-_COLOUR_PULL, _PLACE_PULL, _SHAPE_PULL = np.float32(0.05), np.float32(0.05), np.float32(0.005)
-"""Shares of the difference that a step takes back."""
+_PULLS = np.array([0.05, 0.05, 0.005], np.float32)
+"""Shares of the difference that a step takes back: of colours, places and shapes."""
 _ROUGHNESS_M = 0.003
 """How far a splat may stand out from those beside it; less would keep palms from having creases."""
 
@@ -44,20 +43,16 @@ class SmoothHands:
         self, parameters: Float[Array, "N P"], surface: Float[Array, "N P"], moved: Bool[Array, "N"]
     ) -> None:
         """Draw those that `moved` towards their neighbours and the surface, in place."""
-        moving = moved[self._rows]
-        rows = self._rows[moving]
-        if not len(rows):
-            return
-        own, first = parameters[self._rows], surface[self._rows]
-        colours, away = own[:, _COLOURS], own[:, _PLACE] - first[:, _PLACE]
-        parameters[rows, _COLOURS] += _COLOUR_PULL * self._towards_neighbours(colours)[moving]
-        gap = self._towards_neighbours(away)[moving]
-        length = np.linalg.norm(gap, axis=1, keepdims=True)
-        gap *= np.maximum(1.0 - _ROUGHNESS_M / np.maximum(length, 1e-9), 0.0)
-        parameters[rows, _PLACE] += _PLACE_PULL * gap.astype(np.float32)
-        for shape in _SHAPES:
-            parameters[rows, shape] += _SHAPE_PULL * (first - own)[moving, shape]
+        from renderer.splats.training.pull_kernels import mean_of_neighbours, pull_hands
 
-    def _towards_neighbours(self, values: Float[Array, "M C"]) -> Float[Array, "M C"]:
-        """From each value to the mean of those beside its neighbours."""
-        return self._mean @ (self._mean @ values) - values
+        if not moved[self._rows].any():
+            return
+        mine = parameters[self._rows]
+        own = np.concatenate(
+            [mine[:, _COLOURS], mine[:, _PLACE] - surface[self._rows, _PLACE]], axis=1
+        )
+        near, around = np.empty_like(own), np.empty_like(own)
+        edges = (self._mean.indptr, self._mean.indices, self._mean.data)
+        mean_of_neighbours(*edges, own, near)
+        mean_of_neighbours(*edges, near, around)
+        pull_hands(parameters, surface, self._rows, own, around, _ROUGHNESS_M, _PULLS, moved)

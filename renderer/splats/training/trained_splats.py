@@ -37,7 +37,7 @@ from scene.skeleton import Skeleton
 
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
-_SHAPE, _PLACE = slice(POSITION, ROTATION + 4), slice(POSITION, POSITION + 3)
+_PLACE = slice(POSITION, POSITION + 3)
 _SIZE = slice(LOG_SCALE, LOG_SCALE + 3)
 _ROUGHNESS_PULL = 0.1
 """Share of what stands out farther that a step takes back."""
@@ -91,7 +91,7 @@ class TrainedSplats:
         # the surface, which landmarks of the face have shaped
         self._on_head = np.isin(self.kinds, HEAD_KINDS)
         pull = np.where(self._on_head, settings.head_shape_pull, settings.shape_pull)
-        self._pull = pull.astype(np.float32)[:, None]
+        self._pull = pull.astype(np.float32)
         self.limbs = limb_splats(self.joints, self.weights)
         count, threads = len(self), numba.get_num_threads()
         self.work = Workspace(count)
@@ -134,12 +134,13 @@ class TrainedSplats:
     def pull_to_surface(self, moved: Bool[Array, "N"], strength: float) -> None:
         """Draw places, sizes and rotations of `moved` back to the surface, by `strength` of what
         the settings say."""
-        gap = self.surface[moved, _SHAPE] - self.parameters[moved, _SHAPE]
-        self.parameters[moved, _SHAPE] += np.float32(strength) * self._pull[moved] * gap
+        from renderer.splats.training.pull_kernels import pull_to_surface
+
+        pull_to_surface(self.parameters, self.surface, self._pull, strength, moved)
 
     def smooth_displacement(self) -> None:
         """Find how far off the surface the neighbourhood of each splat lies, m."""
-        away = self._off_surface(np.ones(len(self), bool))
+        away = self._off_surface()
         for _ in range(_SMOOTHING_ROUNDS):
             away = 0.5 * (away + self._neighbourhood @ away)
         self._displacement = away.astype(np.float32)
@@ -149,11 +150,18 @@ class TrainedSplats:
         frames from one side leave a splat free."""
         if not len(self._displacement):
             return
-        gap = self._displacement[moved] - self._off_surface(moved)
-        gap -= np.clip(gap, -self._settings.roughness_m, self._settings.roughness_m)
-        gap[self._on_head[moved]] = 0.0
-        back = np.float32(_ROUGHNESS_PULL) * gap[:, None]
-        self.parameters[moved, _PLACE] += back * self.first.normals[moved]
+        from renderer.splats.training.pull_kernels import pull_to_neighbours
+
+        pull_to_neighbours(
+            self.parameters,
+            self.surface,
+            self.first.normals,
+            self._displacement,
+            self._on_head,
+            self._settings.roughness_m,
+            _ROUGHNESS_PULL,
+            moved,
+        )
 
     def pull_hands(self, moved: Bool[Array, "N"]) -> None:
         """Keep those of hands that `moved` like their neighbours."""
@@ -163,8 +171,7 @@ class TrainedSplats:
         """Parameters of flat splats on the smooth surface that their neighbourhoods make."""
         if not len(self._displacement):
             self.smooth_displacement()
-        smooth, everyone = self.parameters.copy(), np.ones(len(self), bool)
-        off = self._displacement - self._off_surface(everyone)
+        smooth, off = self.parameters.copy(), self._displacement - self._off_surface()
         smooth[:, _PLACE] += off[:, None] * self.first.normals
         smooth[:, ROTATION : ROTATION + 4] = self.surface[:, ROTATION : ROTATION + 4]
         return smooth
@@ -185,10 +192,13 @@ class TrainedSplats:
         )
         self.smooth_displacement()
 
-    def _off_surface(self, some: Bool[Array, "N"]) -> Float[Array, "M"]:
-        """How far `some` lie off the surface along its normal, m."""
-        away = self.parameters[some, _PLACE] - self.surface[some, _PLACE]
-        return np.einsum("nx,nx->n", away, self.first.normals[some])
+    def _off_surface(self) -> Float[Array, "N"]:
+        """How far splats lie off the surface along its normal, m."""
+        from renderer.splats.training.pull_kernels import off_surface
+
+        off = np.empty(len(self), np.float32)
+        off_surface(self.parameters, self.surface, self.first.normals, off)
+        return off
 
     @cached_property
     def _neighbourhood(self):

@@ -227,11 +227,8 @@ class SplatTrainer:
 
     def _difference(self, frame: int) -> Float[Array, "H W 4"]:
         """Between the model in `frame` and the frame, as of `pictures`."""
-        view = self._views[frame]
-        frame_drawing.arrange(self.splats, self._light, frame, view, self._poses.transforms(frame))
-        return frame_drawing.picture(self.splats, view, len(self._losses)) - frame_drawing.truth(
-            view
-        )
+        made, truth = self.pictures(frame)
+        return made - truth
 
     def _leave_out_hidden(self, view: View) -> None:
         """Splats that a limb may hide contribute nothing where poses are estimated."""
@@ -293,14 +290,20 @@ class SplatTrainer:
             self.splats.smooth_displacement()
 
     def _splat_errors(self, frame: int) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
-        pair = self.pictures(frame)
+        light = self.light(frame)
         self._leave_out_hidden(self._views[frame])
-        return splat_errors(self.splats.work, self.splats.contribution, *pair)
+        return splat_errors(self.splats.work, light, *self.pictures(frame))
+
+    def light(self, frame: int) -> Float[Array, "N"]:
+        """Light that each splat blends into `frame`, px."""
+        black = np.zeros(3, np.float32)
+        self._draw(frame, self._views[frame], black, self._poses.transforms(frame))
+        return self.splats.contribution
 
     def pictures(self, frame: int) -> tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]:
         """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views."""
         view = self._views[frame]
-        self._draw(frame, view, np.zeros(3, np.float32), self._poses.transforms(frame))
+        frame_drawing.arrange(self.splats, self._light, frame, view, self._poses.transforms(frame))
         return frame_drawing.picture(self.splats, view, len(self._losses)), frame_drawing.truth(
             view
         )
@@ -431,9 +434,9 @@ class SplatTrainer:
         shown, cosines = [], []
         for frame in frames_looked_at(len(self._views)):
             view, transforms = self._views[frame], self._poses.transforms(frame)
-            self._draw(frame, view, np.zeros(3, np.float32), transforms)
+            light = self.light(frame)
             self._leave_out_hidden(view)
-            shown.append(shown_pixels(self.splats.work, self.splats.contribution))
+            shown.append(shown_pixels(self.splats.work, light))
             facing = surface_cosines(self.splats.first, transforms, view.window.position)
             # cloth turns as it swings, and is seen from within too
             cosines.append(np.where(self.splats.first.quads == NO_CLOTH, facing, 1.0))

@@ -12,7 +12,7 @@ from renderer.pose_refinement.photometry import (
     SkinnedPoints,
     apply_pose_step,
     log_bone_ratios,
-    pixel_jacobian,
+    pixel_equations,
     with_bone_lengths,
 )
 from scene import Camera, Pose, Skeleton
@@ -44,10 +44,31 @@ def pixels(
     return camera.project((own[:, :3, :3] @ rest[:, :, None])[..., 0] + own[:, :3, 3])[0]
 
 
+def pixel_jacobian(points: SkinnedPoints, moment: Pose, *, shared: bool) -> np.ndarray:
+    """[N 2 D] of a pixel for each point."""
+    return np.stack(
+        [
+            [
+                pixel_equations(
+                    points,
+                    np.array([shown]),
+                    np.eye(2)[None],
+                    along[None],
+                    body().skeleton,
+                    CAMERA,
+                    moment,
+                    shared=shared,
+                )[1]
+                for along in np.eye(2)
+            ]
+            for shown in range(len(points.rest))
+        ]
+    )
+
+
 def test_displacements_match_finite_differences():
     points, moment = rigid_points(), pose(0.4, 0.8)
-    shown = np.arange(len(points.rest))
-    jacobian = pixel_jacobian(points, shown, body().skeleton, CAMERA, moment)
+    jacobian = pixel_jacobian(points, moment, shared=False)
     for number in range(0, POSE_PARAMETERS, 4):
         step = np.zeros(POSE_PARAMETERS)
         step[number] = 1e-5
@@ -57,8 +78,7 @@ def test_displacements_match_finite_differences():
 
 def test_what_the_clip_shares_moves_pixels_as_finite_differences_say():
     points, moment = rigid_points(), pose(0.4, 0.8)
-    shown = np.arange(len(points.rest))
-    jacobian = pixel_jacobian(points, shown, body().skeleton, CAMERA, moment, shared=True)
+    jacobian = pixel_jacobian(points, moment, shared=True)
     assert jacobian.shape[2] == POSE_PARAMETERS + SHARED_PARAMETERS
     for number in range(SHARED_PARAMETERS):
         step = np.zeros(SHARED_PARAMETERS)
@@ -74,6 +94,23 @@ def test_what_the_clip_shares_moves_pixels_as_finite_differences_say():
         np.testing.assert_allclose(
             jacobian[:, :, POSE_PARAMETERS + number], expected, atol=2e-3, rtol=1e-4
         )
+
+
+def test_equations_are_sums_over_pixels_that_several_joints_move():
+    rng, rigid, moment = np.random.default_rng(0), rigid_points(), pose(0.4, 0.8)
+    points = replace(rigid, weights=rng.dirichlet(np.ones(4), len(rigid.rest)))
+    jacobian = pixel_jacobian(points, moment, shared=True)
+    shown = rng.integers(0, len(points.rest), 500)
+    root, along = rng.normal(size=(500, 2, 2)), rng.normal(size=(500, 2))
+    tensors = root @ np.swapaxes(root, 1, 2)
+    matrix, vector = pixel_equations(
+        points, shown, tensors, along, body().skeleton, CAMERA, moment, shared=True
+    )
+    own = jacobian[shown]
+    expected = np.einsum("pri,prs,psj->ij", own, tensors, own)
+    np.testing.assert_allclose(matrix, expected, atol=1e-9 * np.abs(expected).max())
+    expected = np.einsum("pri,pr->i", own, along)
+    np.testing.assert_allclose(vector, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def longer_lens(camera: Camera, step: float) -> Camera:
