@@ -99,14 +99,10 @@ class FlowAligner:
         self, alpha: Float[Array, "H W"], flow: Float[Array, "H W 2"]
     ) -> tuple[Int[Array, "M"], Float[Array, "M 2"]]:
         """Splats that some of the person's pixels show, and how far those pixels are to move."""
-        from renderer.splats.rasteriser.visibility_kernels import front_of_pixels
-
         rows, columns = np.nonzero(alpha > 0.5)
         every = max(1, len(rows) // _PIXELS)
-        rows, columns = rows[::every].astype(np.int32), columns[::every].astype(np.int32)
-        work, front = self._work, np.empty(len(rows), np.int32)
-        width = alpha.shape[1]
-        front_of_pixels(work.projected, work.starts, work.entries, width, rows, columns, front)
+        rows, columns = rows[::every], columns[::every]
+        front = self._work.front_of_pixels(rows, columns, alpha.shape[1])
         known = front >= 0
         return front[known], flow[rows[known], columns[known]].astype(np.float64)
 

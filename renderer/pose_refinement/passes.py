@@ -75,9 +75,9 @@ class RefinementPasses:
         cost, pixels = 0.0, 0.0
         for frame, (truth, camera) in enumerate(self._level(level)):
             shown = expressions.moved(parameters, frame)
-            picture, front = self._render(frame, shown, points, poses)
+            picture = self._render(frame, shown, points, poses)
             made = _box_filtered(picture, truth.shape[:2])
-            front = _middles(front, truth.shape[:2])
+            front = self._front_in_middles(picture.shape[:2], truth.shape[:2])
             frame_equations = normal_equations(
                 made, truth, front, points, poses.skeleton, camera, poses.pose(frame), shared=True
             )
@@ -106,8 +106,8 @@ class RefinementPasses:
 
     def _render(
         self, frame: int, parameters: Array, points: SkinnedPoints, poses: PoseRefinement
-    ) -> tuple[Float[Array, "H W 4"], Int[Array, "H W"]]:
-        """The whole picture of `frame`, premultiplied, and which splat each pixel shows."""
+    ) -> Float[Array, "H W 4"]:
+        """The whole picture of `frame`, premultiplied."""
         import numba
 
         from renderer.splats.rasteriser.tile_kernels import draw
@@ -126,7 +126,14 @@ class RefinementPasses:
         )
         picture = np.empty((height, width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), picture)
-        return picture, work.arranged_front(width, height)
+        return picture
+
+    def _front_in_middles(self, whole: tuple[int, ...], size: tuple[int, ...]) -> Int[Array, "h w"]:
+        """Which splat the picture just rendered, of size `whole`, shows in the middle of each pixel
+        of a picture of `size`."""
+        share = whole[0] // size[0]
+        rows, columns = share * np.indices(size).reshape(2, -1) + share // 2
+        return self._work.front_of_pixels(rows, columns, whole[1]).reshape(size)
 
 
 def _downscaled(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
@@ -135,13 +142,6 @@ def _downscaled(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
     height, width = (side // share for side in view.rgba.shape[:2])
     picture = _box_filtered(view.rgba, (height, width)) / np.float32(255.0)
     return picture, view.window.cropped(0, 0, width * share, height * share).resized(width, height)
-
-
-def _middles(whole: Int[Array, "H W"], size: tuple[int, ...]) -> Int[Array, "h w"]:
-    """What `whole` has in the middle of each pixel of a picture of `size`."""
-    height, width = size
-    share = whole.shape[0] // height
-    return whole[share // 2 :: share, share // 2 :: share][:height, :width]
 
 
 def _box_filtered(

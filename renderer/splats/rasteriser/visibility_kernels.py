@@ -140,7 +140,7 @@ def fill_visibility_buffer(
                     front[y0 + row, x0 + x] = fronts[row, x] if shows else -1
 
 
-@numba.njit(fastmath=True, nogil=True, cache=True)
+@numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
 def front_of_pixels(
     projected: Array,  # [N Q] float32
     starts: Array,  # [tiles + 1] int32
@@ -152,6 +152,6 @@ def front_of_pixels(
 ) -> None:
     """Fill `front` for some pixels."""
     tiles_x = (width + TILE - 1) // TILE
-    for pixel in range(front.shape[0]):
+    for pixel in numba.prange(front.shape[0]):
         x, y = columns[pixel], rows[pixel]
         front[pixel] = _front_at(projected, starts, entries, tiles_x, x, y)

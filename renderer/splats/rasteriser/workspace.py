@@ -71,6 +71,10 @@ class Workspace:
         dilation: float,
     ) -> Int[Array, "H W"]:
         """Which splat each pixel shows: the one that gives it most; -1 where none does."""
+        import numba
+
+        from renderer.splats.rasteriser.visibility_kernels import fill_visibility_buffer
+
         self.arrange(
             parameters,
             joints,
@@ -81,17 +85,20 @@ class Workspace:
             camera.height,
             dilation,
         )
-        return self.arranged_front(camera.width, camera.height)
-
-    def arranged_front(self, width: int, height: int) -> Int[Array, "H W"]:
-        """The same of what was arranged."""
-        import numba
-
-        from renderer.splats.rasteriser.visibility_kernels import fill_visibility_buffer
-
-        front = np.empty((height, width), np.int32)
+        front = np.empty((camera.height, camera.width), np.int32)
         threads = numba.get_num_threads()
         fill_visibility_buffer(self.projected, self.starts, self.entries, threads, front)
+        return front
+
+    def front_of_pixels(
+        self, rows: Int[Array, "M"], columns: Int[Array, "M"], width: int
+    ) -> Int[Array, "M"]:
+        """The same of some pixels of what was arranged, a picture of `width`."""
+        from renderer.splats.rasteriser.visibility_kernels import front_of_pixels
+
+        front = np.empty(len(rows), np.int32)
+        places = (rows.astype(np.int32), columns.astype(np.int32))
+        front_of_pixels(self.projected, self.starts, self.entries, width, *places, front)
         return front
 
 

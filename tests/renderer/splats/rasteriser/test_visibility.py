@@ -35,8 +35,6 @@ def shown(work: Workspace, order: np.ndarray, x: int, y: int) -> tuple[int, floa
 
 @pytest.mark.parametrize(("count", "width", "height"), [(20, 32, 32), (60, 50, 37), (400, 64, 48)])
 def test_each_pixel_shows_the_splat_that_gives_it_most(count: int, width: int, height: int):
-    from renderer.splats.rasteriser.visibility_kernels import front_of_pixels
-
     work = Workspace(count)
     front = work.front(*make_scene(count, seed=3), make_camera(width, height), DILATION)
     assert front.shape == (height, width)
@@ -48,7 +46,6 @@ def test_each_pixel_shows_the_splat_that_gives_it_most(count: int, width: int, h
         for x in range(0, width, 3):
             best, ahead = shown(work, order, x, y)
             assert front[y, x] == best or ahead < 1e-3
-    rows, columns = (grid.ravel().astype(np.int32) for grid in np.mgrid[:height, :width])
-    alone = np.empty(len(rows), np.int32)
-    front_of_pixels(work.projected, work.starts, work.entries, width, rows, columns, alone)
+    rows, columns = np.indices((height, width)).reshape(2, -1)
+    alone = work.front_of_pixels(rows, columns, width)
     assert (alone == front.ravel()).mean() > 0.999
