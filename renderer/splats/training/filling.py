@@ -21,8 +21,10 @@ _MOST = 1e4
 """Greatest weight: beyond, it is the colour's own anyway."""
 _GUESS = 1.0
 """Weight of a guess, of the same measure: stray colours at the rim reach one or two splats far."""
-_ALIKE = 0.07
+_ALIKE = 0.1
 """Distance of two guessed colours at which they mix a third as much as if they were the same."""
+_SAME = 0.2
+"""Distance from the middle one at which a colour counts a third as much in the guess."""
 _CELL_M = 0.02
 """Side of the cubes whose mean colours stand for what was seen: a bright logo of many small splats
 counts no more than as much plain cloth."""
@@ -159,15 +161,18 @@ def _guesses(
         guesses[1:, mine] = np.percentile(near, _RANGE, axis=1)
         if kind == _SCALP and hairy.any():
             near = _nearest(at, seen[hairy], means[hairy])
-        guesses[0, mine] = _nearest_to_median(near)
+        guesses[0, mine] = _middle(near)
     return guesses
 
 
-def _nearest_to_median(near: Float[Array, "N K 3"]) -> Float[Array, "N 3"]:
-    """The colour of each K that is nearest to their median: where two garments meet, the median of
-    each channel by itself would be a colour of neither."""
+def _middle(near: Float[Array, "N K 3"]) -> Float[Array, "N 3"]:
+    """The mean of those of each K that are like the one nearest to their median. Where two garments
+    meet, the median of each channel by itself would be a colour of neither; and from that one alone
+    to its neighbour's a shaded shirt would change in jags."""
     apart = ((near - np.median(near, axis=1, keepdims=True)) ** 2).sum(axis=2)
-    return np.take_along_axis(near, apart.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+    middle = np.take_along_axis(near, apart.argmin(axis=1)[:, None, None], axis=1)
+    alike = np.exp(-((near - middle) ** 2).sum(axis=2, keepdims=True) / _SAME**2)
+    return (alike * near).sum(axis=1) / alike.sum(axis=1)
 
 
 def _nearest(
