@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from renderer.splats.rasteriser.workspace import pack_camera
 from scene.arrays import Array, Bool, Float, Int
 from scene.camera import Camera
 from scene.motion import Pose
@@ -138,7 +139,7 @@ def pixel_equations(
         points.joints[shown].astype(np.uint8),
         points.weights[shown].astype(np.float32),
         skeleton.skinning_transforms(pose.joint_angles, pose.root_translation),
-        _packed(camera),
+        pack_camera(camera),
         matrices,
         vectors,
     )
@@ -146,12 +147,6 @@ def pixel_equations(
     matrix, vector = np.zeros((bases.shape[2], bases.shape[2])), np.zeros(bases.shape[2])
     by_numbers(matrices, vectors, bases, matrix, vector)
     return matrix, vector
-
-
-def _packed(camera: Camera) -> Float[Array, "4 4"]:
-    """Rows R|t, then fx, fy, cx, cy."""
-    k = camera.intrinsics
-    return np.vstack([camera.world_to_camera, (k[0, 0], k[1, 1], k[0, 2], k[1, 2])])
 
 
 def _bases(skeleton: Skeleton, pose: Pose, *, shared: bool) -> Float[Array, "24 7 D"]:

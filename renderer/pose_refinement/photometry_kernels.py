@@ -59,7 +59,7 @@ def sum_pixels(
     joints: Array,  # [P 4] uint8
     weights: Array,  # [P 4] float32
     transforms: Array,  # [K 4 4] float64, from rest to the world
-    camera: Array,  # [4 4] float64: rows R|t, then fx fy cx cy
+    camera: Array,  # [4 4] float32: rows R|t, then fx fy cx cy
     matrices: Array,  # [threads K K 49] float64, must be nil: w_k w_l X^T T X, k <= l
     vectors: Array,  # [threads K 7] float64, must be nil: w_k X^T gradient
 ) -> None:

@@ -292,7 +292,7 @@ class SplatTrainer:
     def _splat_errors(self, frame: int) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
         light = self.light(frame)
         self._leave_out_hidden(self._views[frame])
-        return splat_errors(self.splats.work, light, *self.pictures(frame))
+        return splat_errors(self.splats.work, light, *self._arranged(self._views[frame]))
 
     def light(self, frame: int) -> Float[Array, "N"]:
         """Light that each splat blends into `frame`, px."""
@@ -304,9 +304,12 @@ class SplatTrainer:
         """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views."""
         view = self._views[frame]
         frame_drawing.arrange(self.splats, self._light, frame, view, self._poses.transforms(frame))
-        return frame_drawing.picture(self.splats, view, len(self._losses)), frame_drawing.truth(
-            view
-        )
+        return self._arranged(view)
+
+    def _arranged(self, view: View) -> tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]:
+        """A picture of what was arranged for `view`, and what that shows."""
+        made = frame_drawing.picture(self.splats, view, len(self._losses))
+        return made, frame_drawing.truth(view)
 
     def front(self, frame: int) -> Int[Array, "H W"]:
         """Which splat each pixel of whole views shows in `frame`; -1 where none does."""
