@@ -47,6 +47,7 @@ _ACROSS = 0.1
 """How much a distance across a limb or the trunk counts, against one along it: clothes end along
 it, and light that falls on one side of a chest does not fall on the back."""
 _SCALP, _FACE, _HANDS = (KINDS.index(kind) for kind in ("scalp", "face", "hands"))
+_TRUNK, _LEGS = KINDS.index("trunk"), KINDS.index("legs")
 _OVEREXPOSED = 0.75
 """Brightest channel from which a cube of the scalp shows a lamp's light rather than hair."""
 _SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
@@ -82,6 +83,8 @@ def fill_unseen(
     determined_px = _DETERMINED_PX * evidence.open_px
     weights = np.minimum((evidence.pixels.astype(np.float64) / determined_px) ** 4, _MOST)
     trust = _lent(evidence, kinds)
+    # a hem hangs over hips, which move with the legs
+    kinds = np.where(kinds == _LEGS, _TRUNK, kinds)
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
