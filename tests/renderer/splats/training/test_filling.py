@@ -15,8 +15,8 @@ from renderer.splats.training.trainer import SplatTrainer
 from scene.arrays import Array, Float
 from tests.renderer.studio import make_sequence
 
-HAIR, CLOTH, ARM, FACE, HANDS = (
-    KINDS.index(kind) for kind in ("scalp", "trunk", "arms", "face", "hands")
+HAIR, CLOTH, ARM, FACE, HANDS, LEGS = (
+    KINDS.index(kind) for kind in ("scalp", "trunk", "arms", "face", "hands", "legs")
 )
 
 
@@ -131,6 +131,41 @@ def test_a_sleeve_that_no_frame_shows_ends_in_a_line():
     filled = filled_greys(trained, np.where(seen, 5.0, 0.0)).reshape(10, 40)
     np.testing.assert_allclose(filled[4:, :18], 0.1, atol=0.01)
     np.testing.assert_allclose(filled[4:, 22:], 0.8, atol=0.01)
+
+
+def test_a_hem_goes_round_hips_that_move_with_the_legs():
+    """A light band between a shirt and trousers, both dark: in front it lies on splats of the
+    trunk, behind, where no frame shows it, on those of the legs."""
+    rows = [
+        (0.02 * x, 0.02 * y, depth, 0.9 if 20 <= y < 30 else 0.1)
+        for depth in (0.0, -0.2)
+        for y in range(50)
+        for x in range(20)
+    ]
+    trained = splats(*rows)
+    seen, light = trained[:, 2] == 0.0, trained[:, COLOUR] == np.float32(0.9)
+    trained[~seen, COLOUR : COLOUR + 3] = 0.5
+    hip = np.where(seen, 0.2, 0.8)
+    kinds = np.where(trained[:, 1] < hip, LEGS, CLOTH)
+    filled = filled_greys(trained, np.where(seen, 5.0, 0.0), kinds=kinds)
+    assert filled[~seen & light].min() > 0.8
+    assert filled[~seen & ~light].max() < 0.2
+
+
+def test_skin_that_only_a_rim_shows_is_smooth_but_not_where_hair_hangs_over_it():
+    """A cheek with spots, of which the rim alone shows the last ones."""
+    greys = np.tile([0.55, 0.55, 0.7, 0.7], 20)
+    facing, edge = np.where(np.arange(80) < 60, 5.0, 0.0), np.arange(62, 78)
+
+    def filled(kind: int) -> np.ndarray:
+        kinds = np.full(80, kind)
+        return filled_greys(line_of(*greys), np.full(80, 5.0), facing, kinds=kinds)
+
+    assert np.ptp(filled(FACE)[edge]) < 0.05
+    np.testing.assert_allclose(filled(FACE)[:60], greys[:60], atol=0.01)
+    np.testing.assert_allclose(filled(CLOTH), greys, atol=0.01)
+    greys[52:58] = greys[76:] = 0.1
+    np.testing.assert_allclose(filled(FACE), greys, atol=0.01)
 
 
 def test_where_two_garments_meet_a_guess_is_the_colour_of_one():
