@@ -37,11 +37,12 @@ _FACE_CELLS = 12
 """Of a face: hair may hang over one cheek alone."""
 _CELL_PX = 0.5
 """Evidence in a cube from which it counts."""
-_SMOOTH_SKIN = 0.3
-"""Greatest weight of the colour of skin that only rims show, of the measure of `_GUESS`: cheeks and
-temples are smoother than what an outline's last pixels make of them."""
-_SKIN_ALONE = 0.35
-"""Distance between the ends of the range of seen colours near it from which hair is among them."""
+_SMOOTH_RIM = 0.3
+"""Greatest weight of a colour that only rims show, of the measure of `_GUESS`, where cheeks, necks
+and arms are of one colour: they are smoother than what an outline's last pixels make of them."""
+_ONE_COLOUR = 0.35
+"""Distance between the ends of the range of seen colours near a splat from which hair or a print is
+among them."""
 _RANGE = (5.0, 95.0)
 """Percentiles of those cubes' colours between which that of a splat lies which only rims show."""
 _FACED = 0.5
@@ -54,7 +55,7 @@ _ACROSS = 0.1
 """How much a distance across a limb or the trunk counts, against one along it: clothes end along
 it, and light that falls on one side of a chest does not fall on the back."""
 _SCALP, _FACE, _HANDS = (KINDS.index(kind) for kind in ("scalp", "face", "hands"))
-_TRUNK, _LEGS, _NECK = (KINDS.index(kind) for kind in ("trunk", "legs", "neck"))
+_TRUNK, _ARMS, _LEGS, _NECK = (KINDS.index(kind) for kind in ("trunk", "arms", "legs", "neck"))
 _OVEREXPOSED = 0.75
 """Brightest channel from which a cube of the scalp shows a lamp's light rather than hair."""
 _SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
@@ -75,8 +76,8 @@ def fill_unseen(
     Terzopoulos 1986). Neighbours of which different colours are guessed have no part in each
     other: a sleeve, a hem and hair end in a line, also where no frame shows it. What only the rim
     of outlines shows, a blend with splats in front and with the background, first comes to the
-    range of the seen surface near it, and skin there is smooth. Shape and opacity stay: training
-    has made obstructing splats transparent.
+    range of the seen surface near it; skin there is smooth. Shape and opacity stay: training has
+    made obstructing splats transparent.
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
@@ -95,9 +96,9 @@ def fill_unseen(
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
-    alone = np.linalg.norm(highest - lowest, axis=1) < _SKIN_ALONE
-    skin = rim & alone & np.isin(kinds, (_FACE, _NECK))
-    weights[skin] = np.minimum(weights[skin], _SMOOTH_SKIN)
+    even = np.linalg.norm(highest - lowest, axis=1) < _ONE_COLOUR
+    smooth = rim & even & np.isin(kinds, (_FACE, _NECK, _ARMS))
+    weights[smooth] = np.minimum(weights[smooth], _SMOOTH_RIM)
     edges = _between_alike(neighbours_at_rest(parameters[:, _PLACE]), guesses)
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps

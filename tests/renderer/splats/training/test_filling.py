@@ -162,6 +162,7 @@ def test_skin_that_only_a_rim_shows_is_smooth_but_not_where_hair_hangs_over_it()
         return filled_greys(line_of(*greys), np.full(80, 5.0), facing, kinds=kinds)
 
     assert np.ptp(filled(FACE)[edge]) < 0.05
+    assert np.ptp(filled(ARM)[edge]) < 0.05
     np.testing.assert_allclose(filled(FACE)[:60], greys[:60], atol=0.01)
     np.testing.assert_allclose(filled(CLOTH), greys, atol=0.01)
     greys[52:58] = greys[76:] = 0.1
