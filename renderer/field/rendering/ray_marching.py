@@ -158,7 +158,8 @@ def steps_of(
     near, far = span
     if samples_a_ray:
         return (far - near) / samples_a_ray, samples_a_ray
-    longest = float((far - near).max()) if len(near) else 0.0
+    # those of rays that meet nothing are minus infinity
+    longest = max(0.0, float((far - near).max())) if len(near) else 0.0
     return torch.full_like(near, step_m), max(1, math.ceil(longest / step_m))
 
 

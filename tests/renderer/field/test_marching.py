@@ -13,7 +13,9 @@ from renderer.field.rendering.ray_marching import (
     composite,
     compositing_weights,
     joined,
+    march,
     packed,
+    steps_of,
 )
 from renderer.reference.volume_rendering import render_ray
 
@@ -39,6 +41,17 @@ def test_box_span_golden():
     assert near[:2].tolist() == [2.0, 0.0]
     assert far[:2].tolist() == [4.0, 1.0]
     assert near[2] >= far[2]
+
+
+def test_rays_that_all_miss_the_body_have_no_samples():
+    """As those of a patch of pixels beside it may."""
+    nowhere = torch.full((4,), torch.inf)
+    span = nowhere, -nowhere
+    ones = torch.ones(4, 3)
+    steps = steps_of(span, STEP_M)
+    assert steps[1] == 1
+    samples = march(None, 0.0 * ones, ones, span, steps)
+    assert (len(samples.ray), samples.rays) == (0, 4)
 
 
 def test_agrees_with_the_slow_twin():
