@@ -33,16 +33,8 @@ _MIRRORED_M = 0.04
 about the same on both sides."""
 _CELLS = 60
 """Nearest cubes whose middle colour is the guess, mirrored ones among them."""
-_FACE_CELLS = 12
-"""Of a face: hair may hang over one cheek alone."""
 _CELL_PX = 0.5
 """Evidence in a cube from which it counts."""
-_SMOOTH_RIM = 0.3
-"""Greatest weight of a colour that only rims show, of the measure of `_GUESS`, where cheeks, necks
-and arms are of one colour: they are smoother than what an outline's last pixels make of them."""
-_ONE_COLOUR = 0.35
-"""Distance between the ends of the range of seen colours near a splat from which hair or a print is
-among them."""
 _RANGE = (5.0, 95.0)
 """Percentiles of those cubes' colours between which that of a splat lies which only rims show."""
 _FACED = 0.5
@@ -55,7 +47,7 @@ _ACROSS = 0.1
 """How much a distance across a limb or the trunk counts, against one along it: clothes end along
 it, and light that falls on one side of a chest does not fall on the back."""
 _SCALP, _FACE, _HANDS = (KINDS.index(kind) for kind in ("scalp", "face", "hands"))
-_TRUNK, _ARMS, _LEGS, _NECK = (KINDS.index(kind) for kind in ("trunk", "arms", "legs", "neck"))
+_TRUNK, _LEGS = KINDS.index("trunk"), KINDS.index("legs")
 _OVEREXPOSED = 0.75
 """Brightest channel from which a cube of the scalp shows a lamp's light rather than hair."""
 _SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
@@ -76,8 +68,8 @@ def fill_unseen(
     Terzopoulos 1986). Neighbours of which different colours are guessed have no part in each
     other: a sleeve, a hem and hair end in a line, also where no frame shows it. What only the rim
     of outlines shows, a blend with splats in front and with the background, first comes to the
-    range of the seen surface near it; skin there is smooth. Shape and opacity stay: training has
-    made obstructing splats transparent.
+    range of the seen surface near it. Shape and opacity stay: training has made obstructing splats
+    transparent.
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
@@ -96,9 +88,6 @@ def fill_unseen(
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
-    even = np.linalg.norm(highest - lowest, axis=1) < _ONE_COLOUR
-    smooth = rim & even & np.isin(kinds, (_FACE, _NECK, _ARMS))
-    weights[smooth] = np.minimum(weights[smooth], _SMOOTH_RIM)
     edges = _between_alike(neighbours_at_rest(parameters[:, _PLACE]), guesses)
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
@@ -171,11 +160,10 @@ def _guesses(
         same = same if same.any() else np.ones_like(same)
         axes = _axes(int(kind))
         at, seen = rest[mine] * axes, places * axes
-        count = _FACE_CELLS if kind == _FACE else _CELLS
-        near = _nearest(at, seen[same], means[same], count)
+        near = _nearest(at, seen[same], means[same])
         guesses[1:, mine] = np.percentile(near, _RANGE, axis=1)
         if kind == _SCALP and hairy.any():
-            near = _nearest(at, seen[hairy], means[hairy], _CELLS)
+            near = _nearest(at, seen[hairy], means[hairy])
         guesses[0, mine] = _middle(near)
     return guesses
 
@@ -191,12 +179,12 @@ def _middle(near: Float[Array, "N K 3"]) -> Float[Array, "N 3"]:
 
 
 def _nearest(
-    at: Float[Array, "N 3"], places: Float[Array, "C 3"], means: Float[Array, "C 3"], count: int
+    at: Float[Array, "N 3"], places: Float[Array, "C 3"], means: Float[Array, "C 3"]
 ) -> Float[Array, "N K 3"]:
-    """`means` of the `count` cubes whose `places`, or mirrored places, are nearest to each."""
+    """`means` of the cubes whose `places`, or mirrored places, are nearest to each."""
     from scipy.spatial import KDTree
 
-    count = min(count, len(places))
+    count = min(_CELLS, len(places))
     apart, near = KDTree(places).query(at, k=count)
     beyond, opposite = KDTree(places * (-1.0, 1.0, 1.0)).query(at, k=count)
     apart, near, beyond, opposite = (
@@ -204,7 +192,7 @@ def _nearest(
     )
     distances = np.concatenate([apart, np.hypot(beyond, _MIRRORED_M)], axis=1)
     both = np.concatenate([near, opposite], axis=1)
-    chosen = np.argsort(distances, axis=1, kind="stable")[:, :count]
+    chosen = np.argsort(distances, axis=1, kind="stable")[:, :_CELLS]
     return means[np.take_along_axis(both, chosen, axis=1)]
 
 

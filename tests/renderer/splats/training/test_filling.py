@@ -152,23 +152,6 @@ def test_a_hem_goes_round_hips_that_move_with_the_legs():
     assert filled[~seen & ~light].max() < 0.2
 
 
-def test_skin_that_only_a_rim_shows_is_smooth_but_not_where_hair_hangs_over_it():
-    """A cheek with spots, of which the rim alone shows the last ones."""
-    greys = np.tile([0.55, 0.55, 0.7, 0.7], 20)
-    facing, edge = np.where(np.arange(80) < 60, 5.0, 0.0), np.arange(62, 78)
-
-    def filled(kind: int) -> np.ndarray:
-        kinds = np.full(80, kind)
-        return filled_greys(line_of(*greys), np.full(80, 5.0), facing, kinds=kinds)
-
-    assert np.ptp(filled(FACE)[edge]) < 0.05
-    assert np.ptp(filled(ARM)[edge]) < 0.05
-    np.testing.assert_allclose(filled(FACE)[:60], greys[:60], atol=0.01)
-    np.testing.assert_allclose(filled(CLOTH), greys, atol=0.01)
-    greys[52:58] = greys[76:] = 0.1
-    np.testing.assert_allclose(filled(FACE), greys, atol=0.01)
-
-
 def test_where_two_garments_meet_a_guess_is_the_colour_of_one():
     """Red over blue, at the same distance from what was not seen: never the purple of neither."""
     rows = [(0.02 * (i % 5), 0.02 * (i // 5), 0.0, 0.0) for i in range(100)]
