@@ -5,6 +5,7 @@ RendererError (SceneError)
 ├── UnknownPreset      no preset of that name
 ├── TrainingError      training failed for good; says why
 │   └── ForgotTooMuch  what was learnt made a model worse at what it knew
+├── OutdatedCheckpoint training was stopped by a version that begins a clip otherwise
 └── TrainingStopped    somebody asked to stop; a checkpoint was written where one was wanted
 """
 
@@ -31,6 +32,10 @@ class TrainingError(RendererError):
 
 class ForgotTooMuch(TrainingError):
     """A model that went on learning is worse than before at what it knew."""
+
+
+class OutdatedCheckpoint(RendererError):
+    """A checkpoint is of a version that begins this clip with other parts than this one does."""
 
 
 class TrainingStopped(RendererError):

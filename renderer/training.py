@@ -16,7 +16,7 @@ from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
-from renderer.errors import TrainingError, TrainingStopped
+from renderer.errors import OutdatedCheckpoint, TrainingError, TrainingStopped
 from renderer.field.settings import FieldSettings
 from renderer.performer_model import PerformerModel
 from renderer.presets import Preset, find_preset
@@ -288,7 +288,8 @@ class _Run:
             part.unlink(missing_ok=True)
 
     def resume(self, path: Path | None) -> None:
-        """Go on from a checkpoint of the same clip, preset and seed, if there is one."""
+        """Go on from a checkpoint of the same clip, preset and seed, if there is one that this
+        version can go on from."""
         if path is None or not path.exists():
             return
         try:
@@ -304,7 +305,14 @@ class _Run:
                 f"checkpoint must be of the same clip, preset and seed; got {about}; "
                 f"delete {path} to start anew"
             )
-        self.trainer.restore({name.removeprefix(_STATE): value for name, value in arrays.items()})
+        anew = self.trainer.state()
+        state = {name.removeprefix(_STATE): value for name, value in arrays.items()}
+        try:
+            self.trainer.restore(state)
+        except OutdatedCheckpoint:
+            # a training takes a minute: to begin it anew loses less than to fail it
+            self.trainer.restore(anew)
+            return
         self.step, self.elapsed_s = int(about["step"]), float(about["elapsed_s"])
 
     def _roll_back(self, snapshots: deque[_Snapshot]) -> None:

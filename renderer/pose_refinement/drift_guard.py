@@ -50,4 +50,4 @@ class DriftGuard:
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
-        self._least = float(str(state.get("held_out_error", np.inf)))
+        self._least = float(str(state["held_out_error"]))

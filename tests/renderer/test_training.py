@@ -108,6 +108,25 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
         trained(checkpoint=path)
 
 
+def test_a_checkpoint_of_splats_in_other_places_begins_anew(tmp_path):
+    path, reports = tmp_path / "run.checkpoint", []
+    with pytest.raises(TrainingStopped):
+        trained(
+            checkpoint=path,
+            on_progress=reports.append,
+            should_stop=lambda: bool(reports),
+            iterations=200,
+        )
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    arrays["state.places"][0] += 0.01
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+    anew, went_on = trained(iterations=60), trained(checkpoint=path, iterations=60)
+    assert went_on.metrics["steps"] == 60
+    np.testing.assert_array_equal(went_on.parameters, anew.parameters)
+
+
 def poison(monkeypatch, times: int) -> None:
     """From step 100 on, the trainer's weights turn into NaN, `times` times."""
     step, left = SplatTrainer.step, [times]

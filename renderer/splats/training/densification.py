@@ -16,6 +16,7 @@ import numpy as np
 from renderer.splats.layout import COLOUR, LOG_SCALE, MEAN_X, MEAN_Y, OPACITY, POSITION
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.even_places import even_places
 from renderer.splats.training.evidence import shown_pixels
 from renderer.splats.training.initialisation import FirstSplats
 from scene.arrays import Array, Bool, Float, Int
@@ -53,7 +54,7 @@ class Densification:
     def planned(
         cls, fine: FirstSplats, start: FirstSplats | None, settings: SplatSettings
     ) -> Densification | None:
-        """From every fourth of `fine`, or from those of an earlier model; None where `fine` are few
+        """From a quarter of `fine`, or from those of an earlier model; None where `fine` are few
         or the earlier model has half as many."""
         if len(fine.parameters) <= settings.densified_above:
             return None
@@ -126,7 +127,9 @@ def splat_errors(
 
 
 def _thinned(first: FirstSplats) -> FirstSplats:
-    """Every fourth, as much larger: they are in the order in which they lie on the surface."""
-    thin = first.taken(np.arange(_SHARE // 2, len(first.parameters), _SHARE))
+    """The most even quarter, as much larger."""
+    places, sizes = first.parameters[:, _PLACE], np.exp(first.parameters[:, LOG_SCALE])
+    count = len(first.parameters) // _SHARE
+    thin = first.taken(even_places(places, first.normals, sizes, count))
     thin.parameters[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(_SHARE)
     return thin

@@ -79,7 +79,6 @@ class FingerBends:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go back to `state`; one of before fingers were refined leaves them as they are."""
-        if "bends" in state:
-            self.expressions[:, CURLS] = state["bends"]
-            self._moments, self._looks = state["bends_moments"].copy(), state["bends_looks"].copy()
+        """Go back to `state`."""
+        self.expressions[:, CURLS] = state["bends"]
+        self._moments, self._looks = state["bends_moments"].copy(), state["bends_looks"].copy()

@@ -12,6 +12,7 @@ from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSIT
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.detail import shown_density
+from renderer.splats.training.even_places import even_places
 from scene.arrays import Array, Bool, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput
@@ -36,7 +37,8 @@ _CAPSULE_RADIUS_M = {
     "hand": 0.05,
 }
 _CANDIDATES = 3
-"""Points drawn on the capsules for every one kept after the masks have cut."""
+"""Points drawn for every one kept: on a surface the most even, on capsules those that the masks
+leave."""
 _MOVED_M = 1e-3
 """How far an expression must move the surface for more splats to lie there."""
 _MASK_VOTES = 0.9
@@ -218,6 +220,17 @@ class SurfacePlaces:
 
         Raises InvalidInput for a body without a surface.
         """
+        drawn = cls._by_chance(body, _CANDIDATES * count, density, rng)
+        points, normals, _, area = drawn.sampled(body)
+        kept = even_places(points, normals, drawn.spacing, count)
+        spacing = drawn.spacing[kept] * np.sqrt(_CANDIDATES)
+        return cls(drawn.face[kept], drawn.mix[kept], normals[kept], spacing, area)
+
+    @classmethod
+    def _by_chance(
+        cls, body: Body, count: int, density: Float[Array, "T"] | float, rng: np.random.Generator
+    ) -> SurfacePlaces:
+        """As `drawn`, in clumps."""
         normal = _face_normals(body)
         areas = 0.5 * np.linalg.norm(normal, axis=1)
         density = np.broadcast_to(density, areas.shape)

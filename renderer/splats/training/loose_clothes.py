@@ -99,8 +99,7 @@ class ClipCloth(WornCloth):
 
     def restore(self, state: dict[str, Array], motion: Motion, skeleton: Skeleton) -> None:
         """Go back to `state`, in the poses of `motion`."""
-        # checkpoints of before there was cloth are refused for their number of splats
-        if self._found is not None and "cut" in state:
+        if self._found is not None:
             self._found = replace(self._found, numbers=state["cut"].copy())
             self._refined, self.tubes = int(state["cut_refined"]), self._found.tubes()
         self.hang(motion, skeleton)

@@ -5,10 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
+from renderer.errors import OutdatedCheckpoint
+from renderer.splats.layout import POSITION
 from renderer.splats.training.densification import Densification
 from renderer.splats.training.initialisation import FirstSplats
 from renderer.splats.training.merging import Grouping
-from scene.arrays import Array, Bool
+from scene.arrays import Array, Bool, Float
+
+_SAME_M = 1e-4
+"""Distance up to which first places are the same ones, on another processor."""
 
 
 class Resizing:
@@ -22,6 +29,10 @@ class Resizing:
         self._finer: Bool[Array, "N"] | None = None
         self.splats = self._at_first
         """As they lie before training."""
+
+    @property
+    def _places(self) -> Float[Array, "N 3"]:
+        return self._at_first.parameters[:, POSITION : POSITION + 3]
 
     @property
     def awaited(self) -> Densification | None:
@@ -51,13 +62,24 @@ class Resizing:
         """What `restore` needs."""
         merged = self._grouping
         return {
+            "places": self._places.copy(),
             **({} if self._split is None else {"split": self._split}),
             **({} if self._finer is None else {"finer": self._finer}),
             **({} if merged is None else {"group": merged.group, "group_light": merged.light}),
         }
 
     def restore(self, state: dict[str, Array], finer: Callable[[], FirstSplats]) -> None:
-        """Go back to `state`; `finer` makes the layer that was refined with."""
+        """Go back to `state`; `finer` makes the layer that was refined with.
+
+        Raises OutdatedCheckpoint where it began with splats in other places.
+        """
+        places = state.get("places", np.zeros((0, 3), np.float32))
+        known = places.shape == self._places.shape
+        if not known or not np.allclose(places, self._places, rtol=0.0, atol=_SAME_M):
+            raise OutdatedCheckpoint(
+                f"checkpoint must begin with the {len(self._places)} splats that this version "
+                f"places on the clip; got {len(places)} in other places"
+            )
         self._split, self._grouping, self._finer = None, None, None
         self.splats = self._at_first
         if "split" in state and self._planned is not None:

@@ -83,11 +83,10 @@ class StepViews:
         return {"flows": self._flows, "registrations": np.array(self._registrations)}
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go back to `state`; one of before frames were registered has them as they were filmed."""
-        self._registrations = int(state.get("registrations", 0))
-        flows = state.get("flows", _AS_FILMED)
-        if not np.array_equal(flows, self._flows):
-            self._move(flows)
+        """Go back to `state`."""
+        self._registrations = int(state["registrations"])
+        if not np.array_equal(state["flows"], self._flows):
+            self._move(state["flows"])
 
     def drawn(
         self,

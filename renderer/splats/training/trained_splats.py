@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from renderer.errors import TrainingError
+from renderer.errors import OutdatedCheckpoint
 from renderer.splats.cloth.hanging import NO_CLOTH, BoundSplats, WornCloth
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.expressions import ClipBlendShapes
@@ -286,15 +286,14 @@ class TrainedSplats:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go back to `state`. Raises TrainingError where it is of another number of splats."""
+        """Go back to `state`. Raises OutdatedCheckpoint where it has another number of splats."""
         if len(state["parameters"]) != len(self):
-            raise TrainingError(
-                f"checkpoint must be of {len(self)} splats, as this version begins the clip with; "
-                f"got {len(state['parameters'])}; delete it to start anew"
+            raise OutdatedCheckpoint(
+                f"checkpoint must be of {len(self)} splats, as this version would have by then; "
+                f"got {len(state['parameters'])}"
             )
         self.parameters = state["parameters"].copy()
         self._first_moment, self._second_moment = state["first"].copy(), state["second"].copy()
         self._steps = state["steps"].copy()
-        # checkpoints of before there were neighbourhoods go on without one until the next round
-        self._displacement = state.get("displacement", np.zeros(0, np.float32)).copy()
+        self._displacement = state["displacement"].copy()
         self.thread_gradients[:] = 0.0

@@ -383,12 +383,12 @@ class SplatTrainer:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go back to `state`."""
+        """Go back to `state`. Raises OutdatedCheckpoint where it began with other splats."""
+        self._resizing.restore(state, self._finer_layer)
         self._poses.restore(state)
         self._bends.restore(state)
         if self._cloth is not None:
             self._cloth.restore(state, *self._moved())
-        self._resizing.restore(state, self._finer_layer)
         self.splats = self._splats_begun()
         self.splats.restore(state)
         self.splats.surface_on(self._poses.skeleton)
