@@ -19,7 +19,7 @@ from tests.e2e.guided_clip import SIZE, Moment, pictures
 from tests.shared_data import shared_data
 
 FRAMES, RATE_HZ = 8, 8
-CLOSE_M, NEAR_M = 0.55, 1.3
+CLOSE_M, NEAR_M, FAR_M = 0.55, 1.3, Moment(1.0).distance_m
 STEPS = {
     "1-face": Moment(1.0, CLOSE_M),
     "2-step_back": Moment(1.0),
@@ -60,7 +60,13 @@ def test_whose_legs_are_below_the_picture_for_long_stands_as_in_the_other_record
     quality = capture_clip(clip, tmp_path / "out", options)
     assert quality.recordings == len(STEPS)
     assert quality.legs_seen
-    motion = open_sequence(tmp_path / "out").motion
+    sequence = open_sequence(tmp_path / "out")
+    motion, camera = sequence.motion, sequence.train.camera(0)
     assert len(motion) == FRAMES * len(STEPS)
     bent = np.rad2deg(np.linalg.norm(motion.joint_angles[:, LEGS], axis=-1))
     assert bent.max() < 30.0
+    pelvis = motion.root_translation + sequence.body.skeleton.rest_joints[0]
+    _, away = camera.project(pelvis)
+    close, far, near = (np.median(away[take * FRAMES :][:FRAMES]) for take in range(len(STEPS)))
+    assert close / far == pytest.approx(CLOSE_M / FAR_M, rel=0.25)
+    assert near / far == pytest.approx(NEAR_M / FAR_M, rel=0.25)

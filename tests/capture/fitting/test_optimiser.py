@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,20 @@ def test_hats_are_as_wide_in_seconds_at_any_rate_of_frames():
     slow = hierarchical_basis(np.arange(31) / 15.0, np.zeros(31, int)).numpy()[:, 31:]
     fast = hierarchical_basis(np.arange(61) / 30.0, np.zeros(61, int)).numpy()[:, 61:]
     np.testing.assert_allclose(fast[::2], slow, atol=1e-5)
+
+
+def test_a_step_moves_whoever_is_close_a_shorter_way_than_whoever_is_far():
+    fit = _fit(camera().focal_px)
+    person_px = torch.where(torch.arange(FRAMES) < FRAMES // 2, 200.0, 1000.0)
+    descent = Descent(fit.state, replace(fit.seen, person_px=person_px), 0.02)
+    angles, pelvis = fit.state.joint_angles.detach().clone(), fit.state.pelvis.detach().clone()
+    wrong = pelvis - torch.tensor([0.0, 0.0, 0.5])
+    off = (fit.state.pelvis - wrong).square().sum() + fit.state.joint_angles.square().sum()
+    descent.step(off, 0.0)
+    moved = (fit.state.pelvis.detach() - pelvis).norm(dim=1)
+    assert float(moved[0]) == pytest.approx(5.0 * float(moved[-1]), rel=0.1)
+    turned = (fit.state.joint_angles.detach() - angles).norm(dim=(1, 2))
+    assert float(turned[-1]) == pytest.approx(float(turned[0]), rel=0.2)
 
 
 def test_an_error_of_seconds_is_left_sooner_than_frame_by_frame():
