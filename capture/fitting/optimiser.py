@@ -58,6 +58,7 @@ class Descent:
         energy.backward()
         motion = tuple(zip(self._coefficients, self._motion, self._shares, strict=True))
         for coefficients, unknown, share in motion:
+            assert unknown.grad is not None
             coefficients.grad = torch.tensordot(self.basis.T, share * unknown.grad, 1)
         self._adam.step(1.0 - (1.0 - _FINAL_RATE_SHARE) * done)
         with torch.no_grad():

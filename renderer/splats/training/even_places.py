@@ -46,8 +46,8 @@ def even_places(
     if count >= size:
         return np.arange(size)
     nearest = min(_NEAREST, size - 1)
-    apart, near = KDTree(points).query(points, k=nearest + 1, workers=-1)
-    apart, near = apart[:, 1:], near[:, 1:]
+    found = KDTree(points).query(points, k=nearest + 1, workers=-1)
+    apart, near = (np.asarray(values)[:, 1:] for values in found)
     kept_spacing = spacing * _factor(apart, spacing) * np.sqrt(size / count)
     first, second = np.repeat(np.arange(size), nearest), near.ravel()
     reach = 0.5 * _REACH * (kept_spacing[first] + kept_spacing[second])
