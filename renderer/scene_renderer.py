@@ -41,9 +41,10 @@ _ANKLES = (7, 8)
 _SHADOW_RADIUS_M = 0.22
 _FOOT_CLEARANCE_M = 0.35
 """Height of an ankle above the floor at which its contact shadow has vanished."""
-_HEAD_M = 0.45
-"""Whose head is so near to the camera is not drawn: it looks through their eyes, however they
-lean. As OWN_HEAD_M of client/src/splats/ownHead.ts."""
+_HEAD_M = 0.6
+"""Whose head is so near to the camera is not drawn: it looks through their eyes, or from a little
+behind them (`services.arrangement`), however they lean. As OWN_HEAD_M of
+client/src/splats/ownHead.ts."""
 _FAINTEST_SHADOW = 1.0 / 1024.0
 """Darkness that changes no byte."""
 

@@ -30,6 +30,9 @@ class Viewpoint(BaseModel):
     distance_m: float = Field(description="From the target; more where the width needs it.")
     width_m: float = Field(description="What is to be in sight at the target.")
     depth_m: float = Field(description="How far behind the target the last performer is.")
+    narrow: Viewpoint | None = Field(
+        description="What a picture shows instead that would have to step back for the width."
+    )
 
     @classmethod
     def of(cls, view: DefaultViewpoint) -> Viewpoint:

@@ -792,6 +792,8 @@ export interface Viewpoint {
   width_m: number;
   /** How far behind the target the last performer is. */
   depth_m: number;
+  /** What a picture shows instead that would have to step back for the width. */
+  narrow: Viewpoint | null;
 }
 
 /** Somebody who wants to join. */

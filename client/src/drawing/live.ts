@@ -89,6 +89,7 @@ export class LiveView {
         const pose = this.poseWatcher && decodePose(packet);
         if (pose) this.poseWatcher?.(pose);
       },
+      aspect: () => this.size.aspect,
       trialView: () => ({ camera: this.viewpoint.camera, size: this.size.requested }),
     }, this.sealing?.motions); // prettier-ignore
     this.roster = new PerformerRoster(api, meeting, {

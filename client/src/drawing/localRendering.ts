@@ -14,7 +14,7 @@ import { RenderModeSelector, type RenderSetting, type RenderStatus } from "../sp
 import { drawLatencyCode } from "../transport/latencyCode";
 import { poseHead } from "../transport/packets";
 import type { Meeting, Performer } from "../api/types";
-import { FOV_Y_RAD, type CameraPose } from "../viewpoint/viewpoint";
+import { FOV_Y_RAD, fittedView, type CameraPose } from "../viewpoint/viewpoint";
 import type { HeadsetView } from "./headsetView";
 import { LipSync } from "./lipSync";
 
@@ -34,6 +34,8 @@ export interface LocalRenderingHooks {
   onPose(packet: ArrayBuffer): void;
   /** The view that a trial is to draw. */
   trialView(): { camera: CameraPose; size: Size };
+  /** Width over height of what is seen. */
+  aspect(): number;
 }
 
 export class LocalRendering {
@@ -142,7 +144,8 @@ export class LocalRendering {
 
   /** Fetch whom the roster names, where this device may come to draw them; a shared screen hangs behind them. */
   async loadPerformers(): Promise<void> {
-    for (const room of [this.room, this.headsetView?.room]) room?.placeScreen(screenPlace(this.meeting.viewpoint));
+    const screen = screenPlace(fittedView(this.meeting.viewpoint, this.hooks.aspect()));
+    for (const room of [this.room, this.headsetView?.room]) room?.placeScreen(screen);
     if (this.token === "") return;
     void this.showEnvironment(this.meeting.environment);
     void this.headsetView?.room.setPerformers(this.meeting.performers).catch(() => undefined);

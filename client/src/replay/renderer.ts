@@ -16,7 +16,7 @@ import { indexAt, poseAt, type RoomRecord } from "./tracks";
 
 const COUNTING_MS = 1000;
 /** In recordings that tell no viewpoint, everybody stands within a metre of the origin. */
-const ROUND_THE_ORIGIN: DefaultViewpoint = { target: [0, 1.2, 0], azimuth_rad: 0, elevation_rad: 0.08, distance_m: 3, width_m: 3, depth_m: 1 };
+const ROUND_THE_ORIGIN: DefaultViewpoint = { target: [0, 1.2, 0], azimuth_rad: 0, elevation_rad: 0.08, distance_m: 3, width_m: 3, depth_m: 1, narrow: null };
 
 export class ReplayRenderer {
   readonly canvas = document.createElement("canvas");

@@ -2,8 +2,8 @@
 
 import { transformedJoint, TRANSFORM, type Skeleton } from "./skeleton";
 
-/** Whose head is so near to the eye is not drawn, however they lean; as on the server (renderer/scene_renderer.py), m. */
-const OWN_HEAD_M = 0.45;
+/** Whose head is so near to the eye is not drawn, however they lean and even from a little behind it; as on the server (renderer/scene_renderer.py), m. */
+const OWN_HEAD_M = 0.6;
 const HEAD = 15;
 
 /** Splats to draw of each of `people`: as `kept` says, but none of whoever's head holds `eye`. */

@@ -10,7 +10,7 @@ import type { Viewpoint as DefaultViewpoint } from "../api/types";
 
 export const FOV_Y_RAD = 0.6;
 const ELEVATION_LIMITS_RAD = [-0.35, 1.35] as const;
-const DISTANCE_LIMITS_M = [0.5, 12] as const;
+const DISTANCE_LIMITS_M = [0.6, 12] as const;
 const TARGET_HEIGHT_LIMITS_M = [0.1, 2.4] as const;
 const MAX_DISTANCE_FROM_HOME_M = 8;
 const LOWEST_EYE_M = 0.12;
@@ -47,11 +47,21 @@ export interface Steering {
 
 export const STILL: Steering = { forward: 0, right: 0, turn: 0, zoom: 0, run: false };
 
+/** `view`, or what the server says that a window of this aspect shows instead, too narrow for all of it. */
+export function fittedView(view: DefaultViewpoint, aspect: number): DefaultViewpoint {
+  return view.narrow && fittingM(view, aspect) > view.distance_m ? view.narrow : view;
+}
+
 /** The first view, as the server says; from so far away that a window of this aspect shows everybody. */
-export function homeOrbit(view: DefaultViewpoint, aspect: number): Orbit {
-  const fitting = view.width_m / (2 * Math.tan(FOV_Y_RAD / 2) * Math.max(aspect, 0.1));
-  const distanceM = clamp(Math.max(view.distance_m, fitting), DISTANCE_LIMITS_M);
+export function homeOrbit(home: DefaultViewpoint, aspect: number): Orbit {
+  const view = fittedView(home, aspect);
+  const distanceM = clamp(Math.max(view.distance_m, fittingM(view, aspect)), DISTANCE_LIMITS_M);
   return { target: view.target, azimuthRad: view.azimuth_rad, elevationRad: view.elevation_rad, distanceM };
+}
+
+/** From how far away a picture of this aspect holds the view's width. */
+function fittingM(view: DefaultViewpoint, aspect: number): number {
+  return view.width_m / (2 * Math.tan(FOV_Y_RAD / 2) * Math.max(aspect, 0.1));
 }
 
 /** The camera that `orbit` describes. */

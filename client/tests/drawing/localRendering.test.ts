@@ -48,6 +48,7 @@ function drawing(place: () => Promise<unknown> = async () => STUDIO) {
     onUnknownPerformers: onUnknownPerformers,
     onPose: () => undefined,
     trialView: () => ({ camera: CAMERA, size: SIZE }),
+    aspect: () => 1,
   });
   return { local, told, asked, onUnknownPerformers };
 }

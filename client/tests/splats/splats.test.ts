@@ -402,14 +402,14 @@ describe("withoutOwnHead", () => {
     const people = [standing, standing];
     const two = transforms(0, 2);
     expect(withoutOwnHead(people, two, [2, 1.55, 0.3], [700, 900])).toEqual([700, 0]);
-    expect(withoutOwnHead(people, two, [2, 1.55, 0.6], [700, 900])).toEqual([700, 900]);
+    expect(withoutOwnHead(people, two, [2, 1.55, 0.8], [700, 900])).toEqual([700, 900]);
     expect(withoutOwnHead(people, two, [0, 0.9, 0], [])).toEqual([Infinity, Infinity]);
   });
 });
 
 describe("screenPlace", () => {
   it("is behind everybody, facing the viewer", () => {
-    const view = { target: [1, 1.3, 2], azimuth_rad: Math.PI / 2, elevation_rad: 0, distance_m: 3, width_m: 1, depth_m: 0.6 } as const;
+    const view = { target: [1, 1.3, 2], azimuth_rad: Math.PI / 2, elevation_rad: 0, distance_m: 3, width_m: 1, depth_m: 0.6, narrow: null } as const;
     expect(screenPlace(view)).toEqual({ centre: [-1.5, 1.72, 2].map((value) => expect.closeTo(value, 6)), azimuthRad: Math.PI / 2 });
   });
 });

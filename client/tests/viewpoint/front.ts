@@ -1,7 +1,7 @@
 import type { Performer, Viewpoint } from "../../src/api/types";
 
 /** A first view, as the server tells of somebody at the origin who faces +z. */
-export const FRONT: Viewpoint = { target: [0, 1.32, 0], azimuth_rad: 0, elevation_rad: 0.08, distance_m: 2.2, width_m: 0.9, depth_m: 0 };
+export const FRONT: Viewpoint = { target: [0, 1.32, 0], azimuth_rad: 0, elevation_rad: 0.08, distance_m: 2.2, width_m: 0.9, depth_m: 0, narrow: null };
 
 /** Somebody else's performer. */
 export function performer(id: string, more: Partial<Performer> = {}): Performer {

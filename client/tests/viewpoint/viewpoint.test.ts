@@ -109,7 +109,7 @@ describe("Viewpoint", () => {
     view.pan(0, -50);
     settle(view);
     expect(view.camera.position[1]).toBeGreaterThan(0.1);
-    expect(view.orbit.distanceM).toBeCloseTo(0.5, 5);
+    expect(view.orbit.distanceM).toBeCloseTo(0.6, 5);
     view.zoom(1e9);
     view.turn(0, -9);
     settle(view);
@@ -157,5 +157,12 @@ describe("homeOrbit", () => {
     expect(homeOrbit({ ...FRONT, width_m: 3.5 }, 1.6).distanceM).toBeCloseTo(3.54, 2); // as the server's
     expect(homeOrbit(FRONT, 0.46).distanceM).toBeCloseTo(3.16, 2);
     expect(homeOrbit({ ...FRONT, width_m: 0 }, 0.46).distanceM).toBe(2.2); // one's own place is where it is
+  });
+
+  it("shows one of several where the window is too narrow for them", () => {
+    const narrow = { ...FRONT, azimuth_rad: 0.5, width_m: 0 };
+    const several = { ...FRONT, width_m: 2.2, narrow };
+    expect(homeOrbit(several, 1.65)).toEqual(homeOrbit({ ...several, narrow: null }, 1.65));
+    expect(homeOrbit(several, 1.6)).toEqual(homeOrbit(narrow, 1.6));
   });
 });
