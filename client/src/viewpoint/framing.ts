@@ -18,10 +18,14 @@ const FIRST_STEP = 2;
 /** The step below the smallest picture: none, and audio only. */
 const AUDIO_ONLY = -1;
 
-/** The size in the shape of a viewport of `width` x `height` px with about `side`^2 pixels in it. */
+/**
+ * The size in the shape of a viewport of `width` x `height` px with about `side`^2 pixels in it; more where its
+ * shorter side would be less than 128 px.
+ */
 export function fitSize(width: number, height: number, side: number): Size {
   const area = Math.max(width * height, 1);
-  const scale = Math.min(side / Math.sqrt(area), LONGEST / Math.max(width, height, 1));
+  const smallest = SMALLEST / Math.max(Math.min(width, height), 1);
+  const scale = Math.min(Math.max(side / Math.sqrt(area), smallest), LONGEST / Math.max(width, height, 1));
   const round = (length: number): number =>
     Math.max(SMALLEST, Math.round((length * scale) / BLOCK) * BLOCK);
   return { width: round(width), height: round(height) };

@@ -24,6 +24,11 @@ describe("fitSize", () => {
     expect(Math.sqrt(width * height) / 512).toBeCloseTo(1, 1);
     expect(fitSize(700, 700, 512)).toEqual({ width: 512, height: 512 });
   });
+
+  it("raises both sides of what would be too low", () => {
+    expect(fitSize(1400, 400, 200)).toEqual({ width: 448, height: 128 });
+    expect(fitSize(390, 1400, 200)).toEqual({ width: 128, height: 464 });
+  });
 });
 
 describe("highestStep", () => {

@@ -204,11 +204,13 @@ def frame_size(width: int, height: int, scale: float = 1.0) -> tuple[int, int]:
     """The size to draw for a viewer who asks for `width` x `height` px, `scale` of its sides.
 
     Aspect kept, the longest side at most 1024 px before it is scaled, both sides multiples of 16
-    and at least 128 px.
+    and at least 128 px: where one would be less, both are larger.
     """
     if width < 1 or height < 1:
         return _DEFAULT_SIZE
-    scale *= min(1.0, _LARGEST_PX / max(width, height))
+    largest = _LARGEST_PX / max(width, height)
+    scale = min(max(scale * min(1.0, largest), _SMALLEST_PX / min(width, height)), largest)
+    # one side of what is longer than 8 to 1 is out of bounds at any scale
     sides = (
         max(_SMALLEST_PX, round(side * scale / _BLOCK_PX) * _BLOCK_PX) for side in (width, height)
     )

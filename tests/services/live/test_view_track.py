@@ -235,6 +235,17 @@ def test_sizes_shrink_in_blocks_and_keep_their_shape():
     assert frame_size(200, 200, 0.5) == (128, 128)
 
 
+@pytest.mark.parametrize(("width", "height"), [(320, 192), (1400, 850), (192, 400), (1024, 140)])
+def test_the_smallest_picture_has_the_shape_of_the_window(width, height):
+    wide, high = frame_size(width, height, 0.05)
+    assert min(wide, high) == 128
+    assert wide / high == pytest.approx(width / height, rel=0.05)
+
+
+def test_shapes_beyond_every_size_are_drawn_within_bounds():
+    assert frame_size(4000, 10, 0.5) == (1024, 128)
+
+
 class Driven:
     """Somebody of whom motion comes."""
 
