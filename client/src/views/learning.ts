@@ -6,6 +6,7 @@ import type { Job, KeptFrames } from "../api/types";
 import type { LiveView } from "../drawing/live";
 import { improvable } from "../enrolment/improve";
 import { announce, h } from "./dom";
+import { foldedWords } from "./foldedWords";
 import { button } from "./shell";
 
 const OFF = "Let your model learn sides of you that it has not seen. While live look is on, pictures of them wait on the server; you see them before you decide.";
@@ -32,20 +33,20 @@ export interface LearningControl {
 /** Off at first, always. */
 export function learningControl(live: Live, performerId: string, memory: Storage = localStorage): LearningControl {
   const box = h("input", { type: "checkbox", id: "learning", testId: "learning", attributes: { role: "switch", "aria-describedby": "learning-words" } });
-  const words = h("p", { className: "look-words", id: "learning-words", testId: "learning-words" }, OFF);
+  const words = foldedWords("learning-words", "What is kept", OFF);
   const sheet = h("div", { className: "kept-sheet", testId: "kept-sheet", hidden: true });
   const element = h(
     "div",
     { className: "live-look learning" },
     h("div", { className: "switch-row" }, h("label", { attributes: { for: box.id } }, "Learn from it"), box),
-    words,
+    words.element,
     sheet,
   );
   const closing = new AbortController();
   let settled: (() => void) | null = null;
 
   const say = (text: string): void => {
-    words.textContent = text;
+    words.say(text);
     announce(text);
   };
   const lamp = (on: boolean): void => {

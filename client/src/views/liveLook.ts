@@ -5,6 +5,7 @@ import type { MotionCapture } from "../motion/motionCapture";
 import { LookSwitch } from "../look/lookSwitch";
 import { LookTrack } from "../look/lookTrack";
 import { announce, h } from "./dom";
+import { foldedWords } from "./foldedWords";
 
 const OFF = "Let the others see you as you look now. A cut-out picture of you then leaves this device; your room does not.";
 const ON = "This picture of you leaves this device and goes to the server. It is not stored.";
@@ -25,13 +26,13 @@ export function liveLookControl(
 ): LiveLookControl {
   const box = h("input", { type: "checkbox", id: "live-look", testId: "live-look", attributes: { role: "switch", "aria-describedby": "live-look-words" } });
   const preview = h("div", { className: "look-preview", hidden: true, testId: "live-look-preview", attributes: { role: "img", "aria-label": "The picture of you that leaves this device" } });
-  const words = h("p", { className: "look-words", id: "live-look-words" }, OFF);
+  const words = foldedWords("live-look-words", "What others get", OFF);
   const element = h(
     "div",
     { className: "live-look" },
     h("div", { className: "switch-row" }, h("label", { attributes: { for: box.id } }, "Live look"), box),
     preview,
-    words,
+    words.element,
   );
   let sent: LookTrack | null = null;
 
@@ -49,7 +50,8 @@ export function liveLookControl(
   };
   const look = new LookSwitch((on) => {
     show(on);
-    words.textContent = on ? ON : look.paused ? PAUSED : OFF;
+    if (on || look.paused) words.say(on ? ON : PAUSED);
+    else words.explain();
     announce(on ? "Live look is on" : look.paused ? PAUSED : "Live look is off");
   });
   box.addEventListener("change", () => look.setWanted(box.checked));

@@ -54,6 +54,8 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     hidden: true,
     testId: "self",
   });
+  // what scrolls here turns no view
+  for (const kind of ["pointerdown", "wheel"]) element.addEventListener(kind, (event) => event.stopPropagation());
   const pressed = (): boolean => toggle.getAttribute("aria-pressed") === "true";
   let capture: MotionCapture | null = null;
   let self: ReturnType<typeof selfView> | null = null;
