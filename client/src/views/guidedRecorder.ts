@@ -5,7 +5,7 @@ import { Problem, asProblem } from "../api/problem";
 import type { Clip } from "../enrolment/enrol";
 import { beginGuide, goTo, passedSteps, progressOf, seenSoFar, type GuideState } from "../enrolment/guide";
 import { GuidedRecording } from "../enrolment/guidedRecording";
-import type { GuideStore, StoredGuide } from "../enrolment/recordedSteps";
+import { joined, type GuideStore, type StoredGuide } from "../enrolment/recordedSteps";
 import { STEPS, stepOf, type Observation, type StepName } from "../enrolment/steps";
 import { watch } from "../enrolment/watch";
 import { Chime } from "./chime";
@@ -62,7 +62,9 @@ class GuidedRecorder implements View {
     if (!this.stored) return this.open(() => this.ready());
     // after a reload nobody has asked for the camera yet
     this.layOut();
-    this.ready();
+    if (this.stored.state.current !== null) return this.ready();
+    const clip = await joined(this.stored);
+    if (!this.isClosed && !this.guided) this.onDone(clip);
   }
 
   private layOut(): void {
@@ -72,7 +74,7 @@ class GuidedRecorder implements View {
   }
 
   private show(state: GuideState): void {
-    this.element.dataset["step"] = this.guided ? (state.current ?? "done") : "ready";
+    this.element.dataset["step"] = this.guided || state.current === null ? (state.current ?? "done") : "ready";
     this.steps.show(state);
     this.figure.show(seenSoFar(state));
   }

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import type { Clip } from "../../src/enrolment/enrol";
-import { beginGuide, pass } from "../../src/enrolment/guide";
+import { beginGuide, pass, skip } from "../../src/enrolment/guide";
 import type { GuideStore, StoredGuide } from "../../src/enrolment/recordedSteps";
 import type { WatchHooks } from "../../src/enrolment/watch";
 import { guidedRecorder } from "../../src/views/guidedRecorder";
@@ -143,6 +143,17 @@ describe("being guided through an enrolment", () => {
     await press("guide-restart");
     expect(store.forget).toHaveBeenCalled();
     expect(says("guide-instruction")).toBe("Sit or stand in front of the camera");
+  });
+
+  it("hands over the clip after a reload where every step is settled, without the camera", async () => {
+    let state = pass(beginGuide());
+    while (state.current !== null) state = skip(state);
+    const recordings = { face: { blob: new Blob(["x"]), fileName: "webcam.webm" } };
+    const { clips, says, press, getUserMedia } = await setUp({ stored: { state, recordings } });
+    expect([clips.map((clip) => clip?.fileName), says("guide-instruction")]).toEqual([["webcam.webm"], "Your clip is ready"]);
+    expect(getUserMedia).not.toHaveBeenCalled();
+    await press("guide-restart");
+    expect([clips.at(-1), says("guide-instruction")]).toEqual([null, "Sit or stand in front of the camera"]);
   });
 
   it("warns where a reload would cost everything", async () => {
