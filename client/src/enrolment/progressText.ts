@@ -31,6 +31,6 @@ function activityText(step: EnrolState["step"], queued: boolean, fraction: numbe
   if (step === "upload") return message;
   if (queued) return fraction > 0 ? "Interrupted, resuming soon" : WAITING;
   // how a training counts its steps means nothing to people
-  if (step === "train" && fraction > 0) return LEARNING;
+  if (step === "train") return (fraction === 0 && WORDS[message]) || LEARNING;
   return WORDS[message] ?? message.charAt(0).toUpperCase() + message.slice(1);
 }

@@ -6,6 +6,9 @@ import type { Job } from "../api/types";
 import { h } from "./dom";
 import { mark } from "./icons";
 
+/** Share of a training before which its model looks worse than the first likeness, which is no start for it. */
+const SHAPELESS = 0.1;
+
 export interface PreviewPane {
   element: HTMLElement;
   show(state: EnrolState): void;
@@ -59,6 +62,7 @@ export function previewPane(api: Api, clip: Clip | null): PreviewPane {
     element,
     show: ({ job }) => {
       if (!job?.has_preview || job === shownJob) return;
+      if (job.kind === "train" && job.progress < SHAPELESS) return;
       shownJob = job;
       void refresh(job);
     },
