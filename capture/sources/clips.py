@@ -45,7 +45,7 @@ def read_clip(
     )
     if len(clip.images) < MIN_FRAMES:
         raise UnreadableClip(
-            f"{path.name} must have at least {MIN_FRAMES} frames; got {len(clip.images)}; film 10 "
+            f"the clip must have at least {MIN_FRAMES} frames; got {len(clip.images)}; film 10 "
             "seconds or more"
         )
     return clip

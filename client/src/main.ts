@@ -38,6 +38,7 @@ import { meetingTools } from "./views/meetingTools";
 import { progressView, type ProgressView } from "./views/progress";
 import { button, header, notice, type View } from "./views/shell";
 import { meetingView } from "./views/meetingView";
+import type { FilledForm } from "./views/enrolForm";
 import { startView } from "./views/start";
 import { enterVrButton } from "./xr/enterButton";
 
@@ -78,8 +79,8 @@ async function open(): Promise<void> {
   else await start();
 }
 
-/** The start screen, with a live preview of the meeting if there is one. */
-async function start(): Promise<void> {
+/** The start screen, with a live preview of the meeting if there is one; with the form as it was `filled`. */
+async function start(filled: FilledForm | null = null): Promise<void> {
   leaveMeeting();
   show({ element: h("main", { className: "loading" }, h("span", { className: "spinner" })), close: nothing });
   try {
@@ -94,11 +95,11 @@ async function start(): Promise<void> {
       live.swaying = true;
     }
     const name = localStorage.getItem(NAME_KEY) ?? tokens.account() ?? "";
-    const hooks = { name, sealing, onJoin: join, onEnrol: enrol, listPeople: () => animatablePeople(api), onAnimate: animate, onSeal: openSealed };
+    const hooks = { name, sealing, filled, onJoin: join, onEnrol: enrol, listPeople: () => animatablePeople(api), onAnimate: animate, onSeal: openSealed };
     show(startView(api, meeting, live, hooks));
     live?.start();
   } catch (error) {
-    showProblem(asProblem(error));
+    showProblem(asProblem(error), () => void start(filled));
   }
 }
 
@@ -243,7 +244,7 @@ function giveSeatBack(): void {
 }
 
 function enrol(newcomer: NewPerson, clip: Clip): void {
-  showEnrolment(clip, (enrolment) => enrolment.start(newcomer, clip));
+  showEnrolment({ newcomer, clip }, (enrolment) => enrolment.start(newcomer, clip));
 }
 
 /** Into a meeting in which the model of `person` is animated by the keypoints in `file`. */
@@ -254,7 +255,7 @@ async function animate(person: AnimatablePerson, file: File): Promise<void> {
 }
 
 /** Show the progress of an enrolment that `begin` starts. */
-function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
+function showEnrolment(filled: FilledForm | null, begin: (enrolment: Enrolment) => Promise<void>): void {
   // the server needs its strength for the new person, not for a picture that nobody sees
   leaveMeeting();
   const onBookmark = (mark: Bookmark | null): void => {
@@ -263,7 +264,7 @@ function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promi
     if (mark) void guideStore.forget();
   };
   const enrolment = new Enrolment(api, (state) => view.show(state), onBookmark, browserUploads);
-  const view = progressView(api, enrolment, clip, {
+  const view = progressView(api, enrolment, filled?.clip ?? null, {
     onMeet: (modelId) => {
       enrolment.leave(); // the server goes on; the meeting is told of better models
       void meet(modelId, enrolment.state.name);
@@ -271,7 +272,7 @@ function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promi
     onAgain: () => {
       enrolment.leave();
       writeStored(BOOKMARK_KEY, null);
-      void start();
+      void start(filled);
     },
   });
   view.show(enrolment.state);
@@ -366,16 +367,11 @@ function onSignOut(): void {
 }
 
 function showNotice(problem: Problem, again: () => void): void {
-  const element = h(
-    "main",
-    { className: "problem-screen" },
-    notice(
-      problem,
-      button("Try again", again, { look: "primary" }),
-      query.has("meeting") && button("Go to the start", () => (setMeeting(null), void start())),
-    ),
-  );
-  show({ element, close: nothing });
+  const ways = [
+    button("Try again", again, { look: "primary" }),
+    query.has("meeting") && button("Go to the start", () => (setMeeting(null), void start())),
+  ];
+  show({ element: h("main", { className: "problem-screen" }, notice(problem, ...ways)), close: nothing });
 }
 
 /** Keep the address telling which meeting this is, so that a reload leads back to it. */

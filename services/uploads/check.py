@@ -84,11 +84,20 @@ def sniff(path: Path, name: str) -> SequenceKind:
         return SequenceKind.VIDEO
     if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")) and _is_json(path):
         return SequenceKind.KEYPOINTS
-    shown = f"{path.stat().st_size} bytes that begin with {head[:16]!r}" if head else "0 bytes"
     raise UnreadableClip(
         f"{name!r} must be a video (mp4, mov, webm, mkv), a zip of frames or of videos, or "
-        f"keypoints as JSON; got {shown}; export it again"
+        f"keypoints as JSON; got {_kind_of(head)}; choose the video itself, or export it again"
     )
+
+
+def _kind_of(head: bytes) -> str:
+    """What a file that begins like this is to whoever named it after a video."""
+    if not head:
+        return "an empty file"
+    text = head.decode("utf-8", "ignore")
+    if all(one.isprintable() or one.isspace() for one in text) and len(text) > len(head) // 2:
+        return "a text"
+    return "a file of another kind"
 
 
 def _check_video(path: Path, name: str) -> None:

@@ -1,6 +1,7 @@
 /** A capture's report on its clip, in plain words. */
 
 import type { Sequence } from "../api/types";
+import { saidToYou } from "./plainWords";
 
 /** What the capture measured; every part may be missing. */
 type Quality = Record<string, unknown>;
@@ -40,10 +41,10 @@ export function qualityLines(sequence: Sequence): QualityLine[] {
   return lines;
 }
 
-/** What to film again, as the capture says it. */
+/** What to film again. */
 export function advice(sequence: Sequence): string[] {
   const given = sequence.quality?.["advice"];
-  return Array.isArray(given) ? given.filter((line): line is string => typeof line === "string") : [];
+  return Array.isArray(given) ? given.filter((line): line is string => typeof line === "string").map(saidToYou) : [];
 }
 
 function sidesLine(sides: Record<string, number>): QualityLine {

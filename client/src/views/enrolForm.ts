@@ -19,7 +19,14 @@ export interface EnrolHooks extends KeypointsHooks {
   onEnrol(newcomer: NewPerson, clip: Clip): void;
 }
 
-export function enrolForm(hooks: EnrolHooks): View {
+/** What a form was sent with. */
+export interface FilledForm {
+  newcomer: NewPerson;
+  clip: Clip;
+}
+
+/** With `filled`, as it was sent before. */
+export function enrolForm(hooks: EnrolHooks, filled: FilledForm | null = null): View {
   let clip: Clip | null = null;
   let recorderView: View | null = null;
 
@@ -31,9 +38,9 @@ export function enrolForm(hooks: EnrolHooks): View {
     maxLength: 80,
     autocomplete: "name",
     placeholder: "Shown to others",
-    value: localStorage.getItem(NAME_KEY) ?? "",
+    value: filled?.newcomer.name ?? localStorage.getItem(NAME_KEY) ?? "",
   });
-  const height = heightField();
+  const height = heightField(filled?.newcomer.height_m);
   const complaint = h("p", { className: "field-error", testId: "enrol-error", attributes: { role: "alert" } });
   const drop = fileDrop({
     title: "Choose a clip, or drop it here",
@@ -55,8 +62,8 @@ export function enrolForm(hooks: EnrolHooks): View {
     clip = next;
     complaint.textContent = "";
   };
-  const modelOnly = h("input", { type: "checkbox", id: "enrol-model-only", testId: "enrol-model-only" });
-  const consent = consentForm("enrol");
+  const modelOnly = h("input", { type: "checkbox", id: "enrol-model-only", testId: "enrol-model-only", checked: filled?.clip.modelOnly ?? false });
+  const consent = consentForm("enrol", filled?.newcomer.consent);
   const body = h("div", { className: "enrol-body" });
   const go = button("Create my model", () => undefined, {
     look: "primary",
@@ -129,6 +136,12 @@ export function enrolForm(hooks: EnrolHooks): View {
   const { element: tabs, choose: chooseWay } = switcher(ways.map(([label]) => label), show);
   const element = h("div", { className: "card" });
   show(0);
+  if (filled) {
+    take(filled.clip);
+    drop.say(described(new File([filled.clip.blob], filled.clip.fileName)));
+    // once the page is there, whose top is another thing
+    queueMicrotask(() => element.scrollIntoView?.());
+  }
   // whoever reloaded the page amid the steps goes on with them
   const goOn = async (): Promise<void> => {
     const earlier = await guideStore.load();

@@ -13,7 +13,7 @@ export interface HeightField {
   read(): number | null | undefined;
 }
 
-export function heightField(): HeightField {
+export function heightField(height_m: number | null = null): HeightField {
   const hint = h(
     "p",
     { id: "enrol-height-hint", className: "secondary small" },
@@ -33,6 +33,7 @@ export function heightField(): HeightField {
     inputMode: "decimal",
     maxLength: 12,
     placeholder: "Optional",
+    value: height_m === null ? "" : String(Math.round(1000 * height_m) / 10),
     autocomplete: "off",
     attributes: { "aria-describedby": `${hint.id} ${complaint.id}` },
   });

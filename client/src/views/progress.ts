@@ -3,6 +3,7 @@
 import type { Api } from "../api/api";
 import type { Clip, EnrolState, Enrolment, Step } from "../enrolment/enrol";
 import { asProblem } from "../api/problem";
+import { clipProblem } from "../enrolment/plainWords";
 import { progressText } from "../enrolment/progressText";
 import { advice, qualityLines } from "../enrolment/quality";
 import type { Sequence } from "../api/types";
@@ -83,7 +84,7 @@ export function progressView(
     message.textContent = messageOf(state);
     if (state.sequence) showQuality(report, state.sequence);
     pane.show(state);
-    trouble.replaceChildren(...(state.problem ? [notice(state.problem)] : []));
+    trouble.replaceChildren(...(state.problem ? [notice(clipProblem(state.problem))] : []));
     const actions = actionsFor(state);
     // replacing buttons would take the focus from whoever is about to press one
     if (actions.key !== waysShown) {

@@ -5,7 +5,7 @@ import type { Sealing } from "../sealing/sealing";
 import type { LiveView } from "../drawing/live";
 import { deviceCheck } from "./deviceCheck";
 import { privacyPanel } from "./privacy";
-import { enrolForm, type EnrolHooks } from "./enrolForm";
+import { enrolForm, type EnrolHooks, type FilledForm } from "./enrolForm";
 import { h } from "./dom";
 import type { Meeting } from "../api/types";
 import { mark, turningFigure } from "./icons";
@@ -21,13 +21,15 @@ interface StartHooks extends EnrolHooks, SealedFormHooks {
   name: string;
   /** Of the meeting, if it is sealed. */
   sealing: Sealing | null;
+  /** As the form was sent that is to be mended. */
+  filled: FilledForm | null;
 }
 
 const LONGEST_NAME = 60;
 
 /** `live` is a first look into `meeting`; null where the host lets people in one by one, or the meeting is sealed. */
 export function startView(api: Api, meeting: Meeting | null, live: LiveView | null, hooks: StartHooks): View {
-  const form = enrolForm(hooks);
+  const form = enrolForm(hooks, hooks.filled);
   const check = deviceCheck(api);
   const privacy = privacyPanel(api, () => undefined);
   const element = h(

@@ -62,6 +62,17 @@ describe("The enrolment form", () => {
     ]);
   });
 
+  it("comes back as it was sent", () => {
+    const sent: unknown[] = [];
+    const hooks = { onEnrol: (...all: unknown[]) => void sent.push(all), listPeople: async () => [], onAnimate: async () => undefined };
+    const newcomer: NewPerson = { name: "Ada", height_m: 1.785, consent: { purposes: ["meetings"], until: null } };
+    const clip = { blob: new Blob(["clip"]), fileName: "me.mp4", modelOnly: true };
+    document.body.replaceChildren(enrolForm(hooks, { newcomer, clip }).element);
+    expect(document.querySelector(".chosen")?.textContent).toContain("me.mp4");
+    submit();
+    expect(sent).toEqual([[newcomer, clip]]);
+  });
+
   it("complains of what is no height beside the field, and sends nothing until it is mended", async () => {
     const enrolled = await readyForm();
     const complaint = find("height-error");
