@@ -9,7 +9,7 @@ import { announce, h } from "./dom";
 
 const DATA_SENT = [
   "Your viewpoint and your name, while you are in a meeting.",
-  "Your movements, as 33 body landmarks and seventeen values for face, eyes and fingers, while they are tracked; in a sealed meeting encrypted, for the others alone. Camera images stay on this device.",
+  "Your movements, as the rotations of 24 joints, where you stand and seventeen values for face, eyes and fingers, while they are tracked; in a sealed meeting encrypted, for the others alone. Camera images stay on this device.",
   "With live look, which you switch on in a meeting: a small picture of you, cut out of your room, while it is on. It is not stored.",
   "Your voice and your screen, while you share them.",
   "The clip you record to create your model, and your height if you enter it. “Erase me” deletes both.",
