@@ -96,7 +96,7 @@ def _kind_of(head: bytes) -> str:
         return "an empty file"
     text = head.decode("utf-8", "ignore")
     if all(one.isprintable() or one.isspace() for one in text) and len(text) > len(head) // 2:
-        return "a text"
+        return "a text file"
     return "a file of another kind"
 
 
