@@ -31,7 +31,7 @@ export function guideScreen(): GuideScreen {
   const progressBar = h("div", { className: "bar", testId: "guide-progress", attributes }, share);
   const picture = h("div", { className: "guide-picture" }, video, canvas);
   const element = h("div", { className: "guide-screen" }, instruction, words, picture, progressBar);
-  video.addEventListener("resize", () => picture.style.setProperty("--shape", String(video.videoWidth / video.videoHeight)));
+  video.addEventListener("resize", () => element.style.setProperty("--shape", String(video.videoWidth / video.videoHeight)));
   return {
     element,
     video,

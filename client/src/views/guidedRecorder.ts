@@ -119,6 +119,7 @@ class GuidedRecorder implements View {
     this.guided?.close();
     this.guided = this.stored = null;
     this.onClip(null);
+    this.element.scrollIntoView?.({ block: "start" });
     this.show(beginGuide());
     if (this.stream) this.ready();
     else void this.open(() => this.ready());

@@ -44,7 +44,11 @@ export function notifications(session: MeetingSession, ...also: HTMLElement[]): 
       knocks.hidden = !withKnocks;
       const { connectionState } = session;
       lost.hidden = connectionState.kind !== "lost";
-      if (connectionState.kind === "lost") lostWords.textContent = lostText(connectionState);
+      if (connectionState.kind === "lost") {
+        lostWords.textContent = lostText(connectionState);
+        // how long to wait is said nowhere else
+        lost.classList.toggle("merely-lost", connectionState.waitS === undefined);
+      }
       const names = activeSpeakers(session.state);
       talking.hidden = names.length === 0;
       if (names.length > 0) talking.replaceChildren(icon("mic"), names.join(", "));

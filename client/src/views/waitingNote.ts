@@ -15,7 +15,7 @@ export function waitingNote(state: Waiting, inside: boolean): HTMLElement {
   const sound = state.kind === "audio-only";
   return h(
     "div",
-    { className: "waiting-notice glass", testId: sound ? "audio-only" : "waiting" },
+    { className: `waiting-notice glass ${state.kind}`, testId: sound ? "audio-only" : "waiting" },
     sound ? icon("sound") : h("span", { className: "spinner", attributes: { "aria-hidden": "true" } }),
     h("div", {}, h("strong", {}, words), detail !== "" && h("p", {}, detail)),
   );

@@ -193,6 +193,18 @@ describe("notifications", () => {
     expect(texts()).toEqual([]);
     notes.close();
   });
+
+  it("tell a mere loss so that the picture's own words can take its place, but always how long to wait", () => {
+    const { session, state } = inside();
+    const notes = notifications(session);
+    session.subscribe(() => notes.update([], true));
+    const lost = find<HTMLElement>(notes.element, "connection-lost");
+    state({ kind: "lost" });
+    expect([lost.hidden, lost.classList.contains("merely-lost")]).toEqual([false, true]);
+    state({ kind: "lost", waitS: 20 });
+    expect([lost.hidden, lost.classList.contains("merely-lost")]).toEqual([false, false]);
+    notes.close();
+  });
 });
 
 describe("a shared screen", () => {
