@@ -28,7 +28,7 @@ from tests.services.conftest import bearer, stored_files
 
 NAN_POSE = json.dumps(seeds.keypoints(angle=float("nan")))
 BAD = {
-    "a text named mp4": ("clip.mp4", b"this is no film\n" * 99, "got a text file; choose the video"),
+    "a text named mp4": ("clip.mp4", b"this is no film\n" * 99, "got a text file; choose"),
     "a picture named mp4": ("clip.mp4", seeds.picture(), "got a file of another kind; choose"),
     "nothing at all": ("clip.mp4", b"", "'clip.mp4' must be a video (mp4, mov, webm, mkv)"),
     "a broken mp4": ("clip.mp4", b"\0\0\0\x18ftypisom" + b"\0" * 500, "clip.mp4 must"),
