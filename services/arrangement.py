@@ -29,8 +29,8 @@ _BELOW_EYES_M = 0.28
 _ELEVATION_RAD = 0.08
 _REACH_M = 0.45
 """Half of the width that somebody takes up with their arms."""
-_FACE_M = 0.07
-"""Half of the width of a face."""
+_FACE_M = 0.12
+"""Half of the width of a face, and some air beside it."""
 _IN_SIGHT_RAD = math.radians(60.5)
 """Who is to be in one picture: two neighbours of three are 60 degrees apart."""
 _SCREEN = 0.5

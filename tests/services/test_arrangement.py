@@ -129,7 +129,13 @@ def test_three_see_both_others_thirty_degrees_off_their_front_in_one_picture():
     for me in cast:
         others = [one for one in cast if one is not me]
         assert [off_front_deg(one, me.x_m, me.z_m) for one in others] == pytest.approx([30.0, 30.0])
-        assert in_picture(view_from_a_place(me, others), others, 1400 / 850) == others
+        view = view_from_a_place(me, others)
+        assert in_picture(view, others, 16 / 9) == others
+        # with some air beside their faces, which a narrower window has not: it shows one of them
+        assert view.distance_for(16 / 9, FOV_Y_RAD) == view.distance_m
+        assert view.distance_for(1400 / 850, FOV_Y_RAD) > view.distance_m
+        assert view.narrow is not None
+        assert len(in_picture(view.narrow, others, 1400 / 850)) == 1
 
 
 @given(st.sets(st.integers(0, 8), min_size=2, max_size=9))
