@@ -48,10 +48,10 @@ class SplatSettings:
     1 dB on either's crop for 0.2 dB of the whole body (`metanerf bench expressions`)."""
     scale_share: float = 0.6
     """First standard deviation, as a share of the spacing on the surface."""
-    uncertain_scale_share: float = 0.62
+    uncertain_scale_share: float = 0.7
     """The same where poses are estimated, and sizes are held near the first: as small as leaves no
-    gaps between splats that lie evenly. With 0.75 LPIPS is 3 to 9 % higher, with 0.52 hands fray.
-    """
+    gaps between splats that lie evenly. With 0.62 LPIPS is a few per cent lower, but temples crack
+    where frames graze them; with 0.52 hands fray, too."""
     thickness: float = 0.2
     """First deviation along the surface's normal, as a share of that within it: flat splats hold
     up in poses never seen, where round ones lose 1.3 dB."""

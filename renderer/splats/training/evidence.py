@@ -45,6 +45,11 @@ class Evidence:
         """Which splats the frames show."""
         return self.pixels > SEEN_PX * self.open_px
 
+    @property
+    def hidden(self) -> Bool[Array, "N"]:
+        """Which splats not even a rim shows."""
+        return self.pixels == 0.0
+
     def without(self, splats: Bool[Array, "N"]) -> Evidence:
         """As if nothing had shown those `splats`."""
         return Evidence(

@@ -74,9 +74,6 @@ def fill_unseen(
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
     """
-    from scipy.sparse import diags
-    from scipy.sparse.linalg import splu
-
     if evidence.open_px == 0.0:
         return parameters
     colours = parameters[:, _COLOURS].astype(np.float64)
@@ -89,16 +86,26 @@ def fill_unseen(
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
     edges = _between_alike(neighbours_at_rest(parameters[:, _PLACE]), guesses)
-    diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
+    pulls = weights[:, None] * colours + _GUESS * guesses
+    filled = parameters.copy()
+    filled[:, _COLOURS] = smoothest(edges, weights + _GUESS, pulls)
+    return filled
+
+
+def smoothest(edges, weights: Float[Array, "N"], pulls: Float[Array, "N 3"]) -> Float[Array, "N 3"]:
+    """Colours of the least squared differences along `edges` [N N] and, by `weights`, from
+    `pulls` / `weights`."""
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
     factors = splu(
         (diags(diagonal) - edges).tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         options={"SymmetricMode": True},
     )
-    filled = parameters.copy()
-    filled[:, _COLOURS] = factors.solve(weights[:, None] * colours + _GUESS * guesses)
-    return filled
+    return factors.solve(pulls)
 
 
 def _between_alike(edges, guesses: Float[Array, "N 3"]):

@@ -176,6 +176,11 @@ class TrainedSplats:
         smooth[:, ROTATION : ROTATION + 4] = self.surface[:, ROTATION : ROTATION + 4]
         return smooth
 
+    def close(self, splats: Bool[Array, "N"]) -> None:
+        """Make those `splats` no less opaque than all are at first."""
+        least = np.where(splats, self._settings.opacity_logit, -np.inf)
+        self.parameters[:, OPACITY] = np.maximum(self.parameters[:, OPACITY], least)
+
     def raise_hair(self, hair: Hair) -> None:
         """Let hair stand off the body's surface where it covers sides that no frame shows."""
         rows, surface = hair.covered, self.surface[hair.covered]

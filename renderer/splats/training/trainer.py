@@ -40,11 +40,12 @@ from renderer.splats.training.loose_clothes import ClipCloth, with_splats_on_clo
 from renderer.splats.training.merging import Grouping
 from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
+from renderer.splats.training.smooth_skin import smooth_skin
 from renderer.splats.training.step_views import StepViews
 from renderer.splats.training.strands import with_strands
 from renderer.splats.training.strays import strays_on_hands
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
-from renderer.splats.training.unseen_sides import guess_sides
+from renderer.splats.training.unseen_sides import far_sides, guess_sides
 from renderer.splats.training.views import View, read_views
 from scene.arrays import Array, Bool, Float, Int
 from scene.motion import Motion
@@ -78,6 +79,7 @@ class SplatTrainer:
         self._find_light = find_light
         self._found: Evidence | None = None
         self._held = np.zeros(0, bool)
+        self._far_sides = np.zeros(0, bool)
         self._hair = Hair.none(0)
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
@@ -231,9 +233,12 @@ class SplatTrainer:
         return made - truth
 
     def _leave_out_hidden(self, view: View) -> None:
-        """Splats that a limb may hide contribute nothing where poses are estimated."""
+        """Far sides, once they are closed, contribute nothing; nor do splats that a limb may hide,
+        where poses are estimated."""
+        splats, size = self.splats, view.rgba.shape[:2]
+        if self._found is not None:
+            splats.contribution[self._far_sides] = 0.0
         if self._estimated:
-            splats, size = self.splats, view.rgba.shape[:2]
             hidden = hidden_by_limbs(splats.work, splats.limbs, size, view.window.focal_px)
             splats.contribution[hidden] = 0.0
 
@@ -266,6 +271,9 @@ class SplatTrainer:
         self._hair = hair
         if self._estimated and self._sequence.body.has_surface:
             self.splats.span_hollows(self._found.seen)
+        places = self.splats.parameters[:, POSITION : POSITION + 3]
+        self._far_sides = far_sides(places, self._found, self.splats.kinds)
+        self.splats.close(self._far_sides)
         self._held = held_colours(self._found, self.splats.kinds, self.splats.first.normals)
         self.splats.hold_colours(self._held)
 
@@ -411,8 +419,11 @@ class SplatTrainer:
         lies behind lips and lids would change, and shine through them."""
         if self._found is None:
             self._fill()
-        evidence, parameters = self._found, self.splats.parameters
+        evidence, splats = self._found, self.splats
         assert evidence is not None
+        parameters = splats.parameters
+        if self._estimated:
+            parameters = smooth_skin(parameters, evidence, splats.kinds, self._hair.covered)
         seen = evidence.seen
         seen_share = round(float(seen.mean()), 4)
         model = self._model(parameters, seen, {**metrics, "seen_share": seen_share})

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, LOG_SCALE, POSITION
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
+from renderer.splats.training.surface_kinds import KINDS
 from renderer.splats.training.trainer import SplatTrainer
 from renderer.splats.unseen import capture_weight
 from scene.sequence import Sequence
@@ -43,6 +44,20 @@ def test_unseen_sides_get_finer_splats_and_seen_ones_keep_theirs():
     assert unseen.sum() > 1000
     assert np.median(widest_m(model.parameters[unseen])) < 0.009
     assert np.median(widest_m(model.parameters[model.seen])) > 0.009
+
+
+def test_the_far_side_of_a_trunk_is_closed_and_stays_so():
+    trainer = SplatTrainer(one_sided(), SETTINGS, 0)
+    trained(trainer, np.arange(0.0, 0.8, 0.02))
+    trainer.splats.parameters[:, OPACITY] = -1.0
+    trainer.before_step(0.8)
+    closed = trainer.splats.parameters.copy()
+    trunk = trainer.splats.kinds == KINDS.index("trunk")
+    filled = closed[:, OPACITY] >= 2.0
+    assert filled[trunk].sum() > 100
+    trained(trainer, np.arange(0.82, 1.0, 0.02))
+    np.testing.assert_array_equal(trainer.splats.parameters[filled], closed[filled])
+    assert (trainer.splats.parameters[~filled] != closed[~filled]).any()
 
 
 def test_a_layer_lies_evenly_and_has_the_colours_of_what_it_replaces():
