@@ -14,7 +14,7 @@ const BACK_S = 0.3;
 const CLOCK_DRIFT = 1e-3;
 const HELD_S = 0.3;
 const EXPRESSION_EASE_S = 0.5;
-const [HANGING_RAD, ELBOW_RAD] = [1.2, 0.3];
+const [HANGING_RAD, ELBOW_RAD] = [1.45, 0.3];
 
 interface State {
   motion: ReadMotion;

@@ -10,7 +10,7 @@ from scene.skeleton import JOINT_NAMES, Skeleton
 from services.live.motion.foot_locking import LEGS, FootTarget, placed_joints, with_feet
 from services.live.motion.solved_motion import LocalPose
 
-_HANGING_RAD, _ELBOW_RAD = 1.2, 0.3
+_HANGING_RAD, _ELBOW_RAD = 1.45, 0.3
 
 
 class RestingStance:
