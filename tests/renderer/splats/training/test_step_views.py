@@ -145,6 +145,6 @@ def test_steps_look_at_registered_frames_and_all_else_at_those_that_were_filmed(
     again.restore(views.state())
     np.testing.assert_array_equal(drawn(again), moved)
     assert not again.should_register(0.6)
-    again.restore({})
+    again.restore(registering()[0].state())
     np.testing.assert_array_equal(drawn(again), before)
     assert again.should_register(0.6)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.errors import TrainingError
+from renderer.errors import OutdatedCheckpoint
 from renderer.splats.layout import POSITION
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats
@@ -95,7 +95,7 @@ def test_a_state_holds_the_neighbourhood_too():
 def test_a_state_of_another_number_of_splats_is_refused():
     splats = make_splats()
     state = {name: of[:300] for name, of in splats.state().items()}
-    with pytest.raises(TrainingError, match=r"must be of 400 splats.* got 300; delete it"):
+    with pytest.raises(OutdatedCheckpoint, match=r"must be of 400 splats.* got 300"):
         splats.restore(state)
 
 
