@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -92,8 +93,9 @@ def test_stopping_leaves_a_checkpoint_that_goes_on(tmp_path):
     np.testing.assert_array_equal(resumed.parameters, straight.parameters)
 
 
-def test_a_foreign_checkpoint_is_refused(tmp_path):
-    path, reports = tmp_path / "run.checkpoint", []
+def stopped_early(folder: Path) -> Path:
+    """The checkpoint of a training of 200 steps that was stopped by its first report."""
+    path, reports = folder / "run.checkpoint", []
     with pytest.raises(TrainingStopped):
         trained(
             checkpoint=path,
@@ -101,6 +103,11 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
             should_stop=lambda: bool(reports),
             iterations=200,
         )
+    return path
+
+
+def test_a_foreign_checkpoint_is_refused(tmp_path):
+    path = stopped_early(tmp_path)
     with pytest.raises(TrainingError, match=r"same clip, preset and seed; got .*delete"):
         trained(checkpoint=path, seed=9)
     path.write_bytes(b"no checkpoint")
@@ -109,14 +116,7 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
 
 
 def test_a_checkpoint_of_splats_in_other_places_begins_anew(tmp_path):
-    path, reports = tmp_path / "run.checkpoint", []
-    with pytest.raises(TrainingStopped):
-        trained(
-            checkpoint=path,
-            on_progress=reports.append,
-            should_stop=lambda: bool(reports),
-            iterations=200,
-        )
+    path = stopped_early(tmp_path)
     with np.load(path) as stored:
         arrays = dict(stored)
     arrays["state.places"][0] += 0.01
