@@ -30,12 +30,13 @@ class Descent:
 
     def __init__(self, state: FitState, seen: Observations, rate: float) -> None:
         """Steps of about `rate` (rad and m) at first."""
-        self.basis = hierarchical_basis(seen.times_s, seen.takes)
-        self._motion = (state.joint_angles, state.pelvis)
+        basis = hierarchical_basis(seen.times_s, seen.takes)
         nearness = seen.person_px.min() / seen.person_px
-        self._shares = (torch.ones_like(nearness)[:, None, None], nearness[:, None])
-        # moved along the basis, and zero again after each step
-        self._coefficients = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
+        self.bases = (basis, nearness[:, None] * basis)
+        """Of joint angles and of the pelvis."""
+        self._motion = (state.joint_angles, state.pelvis)
+        # moved along the bases, and zero again after each step
+        self._coefficients = [x.new_zeros(basis.shape[1], *x.shape[1:]) for x in self._motion]
         groups = [
             (self._coefficients[0], rate),
             (self._coefficients[1], rate),
@@ -56,14 +57,13 @@ class Descent:
         for unknown in (*self._motion, *self._adam.unknowns):
             unknown.grad = None
         energy.backward()
-        motion = tuple(zip(self._coefficients, self._motion, self._shares, strict=True))
-        for coefficients, unknown, share in motion:
-            assert unknown.grad is not None
-            coefficients.grad = torch.tensordot(self.basis.T, share * unknown.grad, 1)
+        motion = tuple(zip(self._coefficients, self._motion, self.bases, strict=True))
+        for coefficients, unknown, basis in motion:
+            coefficients.grad = torch.tensordot(basis.T, unknown.grad, 1)
         self._adam.step(1.0 - (1.0 - _FINAL_RATE_SHARE) * done)
         with torch.no_grad():
-            for coefficients, unknown, share in motion:
-                unknown += share * torch.tensordot(self.basis, coefficients, 1)
+            for coefficients, unknown, basis in motion:
+                unknown += torch.tensordot(basis, coefficients, 1)
                 coefficients.zero_()
 
 
