@@ -78,7 +78,7 @@ def fill_unseen(
         return parameters
     colours = parameters[:, _COLOURS].astype(np.float64)
     determined_px = _DETERMINED_PX * evidence.open_px
-    weights = np.minimum((evidence.pixels.astype(np.float64) / determined_px) ** 4, _MOST)
+    weights = evidence_weights(evidence.pixels, determined_px)
     trust = _lent(evidence, kinds)
     # a hem hangs over hips, which move with the legs
     kinds = np.where(kinds == _LEGS, _TRUNK, kinds)
@@ -90,6 +90,12 @@ def fill_unseen(
     filled = parameters.copy()
     filled[:, _COLOURS] = smoothest(edges, weights + _GUESS, pulls)
     return filled
+
+
+def evidence_weights(pixels: Float[Array, "N"], as_one_px: float) -> Float[Array, "N"]:
+    """Of splats' own colours, against the difference from a neighbour: the fourth power of their
+    evidence, 1 at `as_one_px`."""
+    return np.minimum((pixels.astype(np.float64) / as_one_px) ** 4, _MOST)
 
 
 def smoothest(edges, weights: Float[Array, "N"], pulls: Float[Array, "N 3"]) -> Float[Array, "N 3"]:

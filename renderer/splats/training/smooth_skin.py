@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.splats.layout import COLOUR, POSITION
 from renderer.splats.training.evidence import Evidence
-from renderer.splats.training.filling import smoothest
+from renderer.splats.training.filling import evidence_weights, smoothest
 from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.surface_kinds import KINDS
 from scene.arrays import Array, Bool, Float, Int
@@ -19,8 +19,6 @@ _SKIN = [KINDS.index("face"), KINDS.index("neck")]
 _FACED = 0.2
 """Evidence from frames that a splat faces at which its own colour weighs as much as one
 neighbour's, where one that lies open has 1 px."""
-_MOST = 1e4
-"""Greatest weight: beyond, it is the colour's own anyway."""
 _OWN = 0.1
 """Least weight: where nothing is faced, as under a strand of hair, hair and skin stay apart."""
 _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
@@ -42,8 +40,7 @@ def smooth_skin(
     rows = np.flatnonzero(np.isin(kinds, _SKIN) & evidence.seen & ~covered)
     if len(rows) < 2:
         return parameters
-    faced = evidence.facing[rows].astype(np.float64) / (_FACED * evidence.open_px)
-    weights = np.minimum(faced**4, _MOST) + _OWN
+    weights = evidence_weights(evidence.facing[rows], _FACED * evidence.open_px) + _OWN
     colours = parameters[rows, _COLOURS].astype(np.float64)
     smooth = parameters.copy()
     edges = neighbours_at_rest(parameters[rows, _PLACE])
