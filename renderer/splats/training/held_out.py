@@ -82,7 +82,7 @@ class WatchedFrames:
         """Light that each splat blends into a frame on the mean, px."""
         total = np.zeros(len(self._trainer.splats))
         for frame in self._frames:
-            total += self._trainer.light(frame)
+            total += self._trainer.drawing.contribution(frame)
         return total / len(self._frames)
 
     def errors(self) -> Errors:
@@ -90,7 +90,8 @@ class WatchedFrames:
         squared, pixels = np.zeros(len(REGIONS)), np.zeros(len(REGIONS))
         lpips: dict[str, list[float]] = {name: [] for name in _LOOKED_AT}
         for frame, regions in zip(self._frames, self._pixels, strict=True):
-            made, truth = (np.clip(one[..., :3], 0.0, 1.0) for one in self._trainer.pictures(frame))
+            pictures = self._trainer.drawing.pictures(frame)
+            made, truth = (np.clip(one[..., :3], 0.0, 1.0) for one in pictures)
             squared += (regions * np.square(made - truth).mean(axis=2)).sum(axis=(1, 2))
             pixels += regions.sum(axis=(1, 2))
             for name in _LOOKED_AT:
@@ -104,7 +105,7 @@ class WatchedFrames:
         )
 
     def _regions(self, frame: int) -> Bool[Array, "R H W"]:
-        front, kinds = self._trainer.front(frame), self._trainer.splats.kinds
+        front, kinds = self._trainer.drawing.front(frame), self._trainer.splats.kinds
         kind = np.where(front >= 0, kinds[front], -1)
         parts = [kind == KINDS.index(name) for name in REGIONS[1:]]
         return np.stack([np.ones_like(parts[0]), *parts])

@@ -93,6 +93,7 @@ class TrainedSplats:
         pull = np.where(self._on_head, settings.head_shape_pull, settings.shape_pull)
         self._pull = pull.astype(np.float32)
         self.limbs = limb_splats(self.joints, self.weights)
+        self.closed = self._held = np.zeros(0, np.int64)
         count, threads = len(self), numba.get_num_threads()
         self.work = Workspace(count)
         self.thread_gradients = np.zeros((threads, count, PROJECTED), np.float32)
@@ -116,6 +117,7 @@ class TrainedSplats:
         from renderer.splats.training.adam_kernels import adam_step
 
         settings = self._settings
+        self.by_parameter[self._held, COLOUR : COLOUR + 3] = 0.0
         adam_step(
             self.parameters,
             self.by_parameter,
@@ -177,7 +179,8 @@ class TrainedSplats:
         return smooth
 
     def close(self, splats: Bool[Array, "N"]) -> None:
-        """Make those `splats` no less opaque than all are at first."""
+        """Make those `splats`, from now on `closed`, no less opaque than all are at first."""
+        self.closed = np.flatnonzero(splats)
         least = np.where(splats, self._settings.opacity_logit, -np.inf)
         self.parameters[:, OPACITY] = np.maximum(self.parameters[:, OPACITY], least)
 
@@ -253,9 +256,10 @@ class TrainedSplats:
         return moved
 
     def hold_colours(self, held: Bool[Array, "N"]) -> None:
-        """Forget where the colours of `held` were going to."""
+        """Let the colours of `held` stay as they are."""
+        self._held = np.flatnonzero(held)
         for moment in (self._first_moment, self._second_moment):
-            moment[held, COLOUR : COLOUR + 3] = 0.0
+            moment[self._held, COLOUR : COLOUR + 3] = 0.0
 
     def model(
         self,

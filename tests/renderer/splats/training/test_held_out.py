@@ -55,7 +55,7 @@ def test_errors_fall_as_training_goes_on_and_regions_not_shown_are_not_judged():
 def test_light_is_that_which_reaches_the_frames():
     trainer = SplatTrainer(make_sequence(frames=20), SplatSettings(count=400, most=400), 0)
     light = WatchedFrames(trainer, (0,)).light()
-    alpha = trainer.pictures(0)[0][..., 3]
+    alpha = trainer.drawing.pictures(0)[0][..., 3]
     assert light.sum() == pytest.approx(alpha.sum(), rel=1e-2)
     behind = trainer.splats.first.normals[:, 2] < -0.9
     facing = trainer.splats.first.normals[:, 2] > 0.9
