@@ -16,11 +16,13 @@ from renderer.splats.training.surface_kinds import KINDS
 from scene.arrays import Array, Bool, Float, Int
 
 _SKIN = [KINDS.index("face"), KINDS.index("neck")]
-_FACED = 0.2
-"""Evidence from frames that a splat faces at which its own colour weighs as much as one
-neighbour's, where one that lies open has 1 px."""
+_SHOWN = 0.1
+"""Evidence at which a splat's own colour weighs as much as one neighbour's, where one that lies
+open has 1 px, and one at a rim at most a third. Evidence from frames that a splat faces alone
+would smooth what the front is made of as well: hair that hangs over a cheek, the edge of a jaw."""
 _OWN = 0.1
-"""Least weight: where nothing is faced, as under a strand of hair, hair and skin stay apart."""
+"""Least weight: where hardly anything is shown, as under a strand of hair, hair and skin stay
+apart."""
 _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
 
 
@@ -31,7 +33,7 @@ def smooth_skin(
     covered: Bool[Array, "N"],
 ) -> Float[Array, "N P"]:
     """`parameters` with the smoothest colours of seen faces and necks that agree with what frames
-    face. Not while training goes on: splats beside would take over what these no longer show.
+    show. Not while training goes on: splats beside would take over what these no longer show.
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
@@ -40,7 +42,7 @@ def smooth_skin(
     rows = np.flatnonzero(np.isin(kinds, _SKIN) & evidence.seen & ~covered)
     if len(rows) < 2:
         return parameters
-    weights = evidence_weights(evidence.facing[rows], _FACED * evidence.open_px) + _OWN
+    weights = evidence_weights(evidence.pixels[rows], _SHOWN * evidence.open_px) + _OWN
     colours = parameters[rows, _COLOURS].astype(np.float64)
     smooth = parameters.copy()
     edges = neighbours_at_rest(parameters[rows, _PLACE])
