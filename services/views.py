@@ -13,9 +13,11 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import Geometry
 from scene.arrays import Array, Float
 from scene.camera import Camera
+from scene.checks import require_shape
 from scene.errors import InvalidInput
+from scene.expression import EXPRESSION_COUNT
 from scene.motion import Motion, Pose
-from scene.skeleton import Skeleton
+from scene.skeleton import JOINT_COUNT, Skeleton
 from services.api.view_shapes import NewView, Orbit, ViewCamera, ViewPose
 from services.person_view import person_camera
 from services.synthetic import mark_picture
@@ -66,8 +68,9 @@ def view_camera(
                 "camera must be an orbit, or intrinsics and world_to_camera together; got "
                 f"{sorted(asked.model_dump(exclude_none=True))}; leave one of the two out"
             )
-        intrinsics = _array("intrinsics", asked.intrinsics)
-        return Camera(intrinsics, _array("world_to_camera", asked.world_to_camera), width, height)
+        intrinsics = _array("intrinsics", asked.intrinsics, (3, 3))
+        world_to_camera = _array("world_to_camera", asked.world_to_camera, (3, 4))
+        return Camera(intrinsics, world_to_camera, width, height)
     orbit = asked.orbit or Orbit()
     return person_camera(
         skeleton,
@@ -134,14 +137,16 @@ def _encode_geometry(geometry: Geometry, shows: Literal["depth", "normal"]) -> b
 
 def _own_pose(asked: ViewPose) -> Pose:
     return Pose(
-        _array("joint_angles", asked.joint_angles),
-        _array("root_translation", asked.root_translation),
-        expression=_array("expression", asked.expression),
+        _array("joint_angles", asked.joint_angles, (JOINT_COUNT, 3)),
+        _array("root_translation", asked.root_translation, (3,)),
+        expression=_array("expression", asked.expression, (EXPRESSION_COUNT,)),
     )
 
 
-def _array(name: str, value: list) -> Array:
+def _array(name: str, value: list, shape: tuple[int, ...]) -> Array:
     try:
-        return np.asarray(value, dtype=np.float64)
+        array = np.asarray(value, dtype=np.float64)
     except ValueError as error:
         raise InvalidInput(f"{name} must be a full matrix; got rows of unequal length") from error
+    require_shape(name, array, shape)
+    return array

@@ -128,6 +128,8 @@ NAN = float("nan")
         ({"camera": {**FLAT, "intrinsics": [[1, 2], [3]]}}, "rows of unequal length"),
         ({"pose": {"joint_angles": [[0, 0, NAN]] * 24}}, "joint_angles must be finite; got nan"),
         ({"pose": {"joint_angles": [[0, 0, 0]] * 23}}, "joint_angles must be 24 x 3"),
+        ({"pose": {"joint_angles": []}}, "joint_angles must be 24 x 3"),
+        ({"camera": {**SINGULAR, "intrinsics": []}}, "intrinsics must be 3 x 3"),
         ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "root_translation": [0, NAN, 0]}}, "finite"),
         (
             {"pose": {"joint_angles": [[0, 0, 0]] * 24, "expression": [0.5]}},
