@@ -178,9 +178,11 @@ def _add(
         meeting = unit.meetings.get_for_change(meeting_id)
         seats.require_taking_part(meeting, caller, services.clock())
         model = model_of(unit, caller, body.model_id)
-        brought = not caller.may_use(meeting.account)
-        if brought:  # what the demo lends is nobody's to bring along
-            caller.require_account(unit.people.get(model.person_id).account)
+        owner = unit.people.get(model.person_id).account
+        if not caller.may_use(meeting.account):  # what the demo lends is nobody's to bring along
+            caller.require_account(owner)
+        # guests in the demo's meeting come and go as themselves, too
+        brought = owner == caller.account != meeting.account
         if body.motion_sequence_id is not None:
             sequence_of(unit, caller, body.motion_sequence_id)
         moved_by = body.motion_sequence_id

@@ -46,6 +46,8 @@ async def test_a_guest_sees_and_changes_nothing_of_another(client, services, mod
     performer = f"/v1/meetings/{meeting_id}/performers/{brought.json()['id']}"
     assert (await client.get(f"/v1/models/{model.id}", headers=bo)).status_code == 403
     assert (await client.delete(performer, headers=bo)).status_code == 403
+    assert len(load_performers(services, meeting_id)) == 1, "shown once its owner is there"
+    await client.post(f"/v1/meetings/{meeting_id}/join", json={"display_name": "Ada"}, headers=ada)
     room = Room(meeting_id, load_performers(services, meeting_id))
     robin, own = (one.performer_id for one in room.performers)
     stranger = services.tokens.read(bo["Authorization"].removeprefix("Bearer ")).account

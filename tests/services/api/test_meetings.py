@@ -166,6 +166,9 @@ async def test_whoever_takes_part_looks_from_their_own_place_and_others_from_the
     path = f"/v1/meetings/{meeting_id}"
     mine = await client.post(f"{path}/performers", json={"model_id": model.id}, headers=speaker)
     assert mine.json()["owner"] == "own"
+    before = (await client.get(path, headers=watcher)).json()
+    assert len(before["performers"]) == 1, "guests are shown while they are there"
+    seat = await client.post(f"{path}/join", json={}, headers=speaker)
     own, seen = [(await client.get(path, headers=headers)).json() for headers in (speaker, watcher)]
     assert [p["owner"] for p in own["performers"]] == ["demo", "own"]
     assert [p["owner"] for p in seen["performers"]] == ["demo", "other"]
@@ -177,10 +180,12 @@ async def test_whoever_takes_part_looks_from_their_own_place_and_others_from_the
     )
     assert eye == pytest.approx(own["performers"][1]["position"][::2])
     assert seen["viewpoint"]["azimuth_rad"] == pytest.approx(math.pi / 3)
-    seat = await client.post(f"{path}/join", json={}, headers=speaker)
     assert seat.json()["viewpoint"] == own["viewpoint"]
-    # who brought two is asked which they are, and till then only watches
-    await client.post(f"{path}/performers", json={"model_id": model.id}, headers=speaker)
+    # who brought two into a meeting of theirs is asked which they are, and till then only watches
+    opened = await client.post(
+        "/v1/meetings", json={"name": "Two", "model_ids": [model.id, model.id]}, headers=speaker
+    )
+    path = f"/v1/meetings/{opened.json()['id']}"
     own, seen = [(await client.get(path, headers=headers)).json() for headers in (speaker, watcher)]
     assert own["viewpoint"] == seen["viewpoint"]
 
