@@ -46,6 +46,7 @@ class FrameObservation(NamedTuple):
     """One frame's landmarks."""
 
     pixels: Array  # [33 2]
+    pixel_weights: Array  # [33], at most `weights`
     weights: Array  # [33]
     world: Array  # [33 3] m, from between the hips, world axes
     per_pixel: float  # 1 / deviation of a projected landmark
@@ -114,6 +115,7 @@ def landmark_equations(
     landmarks: Array,  # [33 3] rest points
     joints: Array,  # [33] int64: the joint of each
     pixels: Array,  # [33 2]
+    pixel_weights: Array,  # [33], at most `weights`
     weights: Array,  # [33]
     depth_weights: Array,  # [33], factor on `weights`
     world: Array,  # [33 3] the estimator's 3D landmarks from between the hips, m, world axes
@@ -159,8 +161,8 @@ def landmark_equations(
             image_rows[0, a] = camera[3, 0] * per_pixel * (dx - u * dz) / depth
             image_rows[1, a] = camera[3, 1] * per_pixel * (dy - v * dz) / depth
         robust = math.sqrt(1.0 + residual[0] ** 2 + residual[1] ** 2)
-        energy += 2.0 * weights[m] * (robust - 1.0)  # pseudo-Huber
-        _add(normal, right, columns, image_rows, count, residual, 2, weights[m] / robust)
+        energy += 2.0 * pixel_weights[m] * (robust - 1.0)  # pseudo-Huber
+        _add(normal, right, columns, image_rows, count, residual, 2, pixel_weights[m] / robust)
 
         # relative to the hips, which the root moves too: only the lever arm from them is left
         for a in range(rotations):
@@ -266,6 +268,7 @@ def pose_equations(
         model.landmarks,
         model.joints,
         observation.pixels,
+        observation.pixel_weights,
         observation.weights,
         model.depth_weights,
         world,

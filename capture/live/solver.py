@@ -55,6 +55,11 @@ _DAMPING = 1e-2
 _DIAGONAL_FLOOR = 1e-6
 _TYPICAL_SHARE = 0.1
 """Share of each frame in the running mean of the energy."""
+_HANDS = slice(LANDMARK_NAMES.index("left_wrist"), LANDMARK_NAMES.index("right_thumb") + 1)
+_EDGE = 0.1
+"""Share of the picture's shorter side, from its edge on, over which the places of wrists and
+fingers count less: the estimator puts a hand below the picture just inside it, and a forearm that
+hangs down would reach forward by as much as it seems short."""
 _HIPS = np.array([LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")])
 _SHOULDERS = [LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")]
 UNKNOWNS = 3 * JOINT_COUNT + 3
@@ -169,7 +174,7 @@ class LiveSolver:
         local[0] = self._to_world @ local[0]
         points = body_landmarks(local, self._model) @ self.camera.rotation.T
         shift = solve_translation(
-            points[None], observation.pixels[None], observation.weights[None], k
+            points[None], observation.pixels[None], observation.pixel_weights[None], k
         )[0]
         return local, (shift - self.camera.translation) @ self.camera.rotation
 
@@ -208,8 +213,21 @@ def frame_observation(landmarks: Landmarks, camera: Camera) -> FrameObservation:
     to_world = camera.rotation.T @ np.diag(OPENCV_TO_OPENGL)
     world_landmarks = np.ascontiguousarray((world * OPENCV_TO_OPENGL) @ to_world.T)
     return FrameObservation(
-        np.ascontiguousarray(pixels), weights, world_landmarks, 1.0 / (_PIXEL_DEVIATION * height_px)
+        np.ascontiguousarray(pixels),
+        weights * _inside(landmarks, camera),
+        weights,
+        world_landmarks,
+        1.0 / (_PIXEL_DEVIATION * height_px),
     )
+
+
+def _inside(landmarks: Landmarks, camera: Camera) -> Float[Array, "33"]:
+    """How far each landmark's place in the picture can be believed, from 0 to 1."""
+    size = np.array([camera.width, camera.height])
+    from_edge = np.minimum(landmarks.pixels, size - landmarks.pixels).min(axis=1)
+    inside = np.ones(len(LANDMARK_NAMES))
+    inside[_HANDS] = np.clip(from_edge / (_EDGE * size.min()), 0.0, 1.0)[_HANDS]
+    return inside
 
 
 def solver_model(body: Body, camera: Camera) -> SolverModel:

@@ -26,6 +26,8 @@ export const LANDMARK_JOINTS = [
 ] as const; // prettier-ignore
 export const SHOULDERS = [11, 12] as const;
 export const HIPS = [23, 24] as const;
+/** The first and the last landmark of hands. */
+export const HANDS = [15, 22] as const;
 
 /** Somebody's own body; the server tells it (services/live/motion/body_packet.py). */
 export interface SolvedBody {

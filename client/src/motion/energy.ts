@@ -21,6 +21,8 @@ const NEAREST_M = 0.05;
 export interface Observation {
   /** px [33 2]. */
   pixels: Numbers;
+  /** At most `weights` [33]. */
+  pixelWeights: Numbers;
   /** 0 to 1 [33]. */
   weights: Numbers;
   /** From between the hips, axes y up, m [33 3]. */
@@ -116,7 +118,7 @@ function writeLever(a: number, x: number, y: number, z: number): void {
 
 function addLandmarks(out: Equations, body: SolvedBody, seen: Observation, world: Numbers): number {
   placeLandmarks(body, out.rotations, places, points);
-  const { focal, perPixel, centre, pixels, weights } = seen;
+  const { focal, perPixel, centre, pixels, pixelWeights, weights } = seen;
   const middle = [0, 1, 2].map((c) => 0.5 * (points[3 * HIPS[0] + c]! + points[3 * HIPS[1] + c]!));
   let energy = 0;
   for (let m = 0; m < LANDMARKS; m++) {
@@ -144,8 +146,8 @@ function addLandmarks(out: Equations, body: SolvedBody, seen: Observation, world
       imageRows[UNKNOWNS + a] = scale * (-rows[UNKNOWNS + a]! - v * away);
     }
     let robust = Math.sqrt(1 + residual[0]! ** 2 + residual[1]! ** 2);
-    energy += 2 * weight * (robust - 1); // pseudo-Huber
-    add(out, imageRows, rotations, true, weight / robust);
+    energy += 2 * pixelWeights[m]! * (robust - 1); // pseudo-Huber
+    add(out, imageRows, rotations, true, pixelWeights[m]! / robust);
 
     // relative to the hips, which the root moves too: only the lever arm from them is left
     const root = rotations - 3;

@@ -4,7 +4,7 @@
  */
 
 import type { Landmarks } from "../landmarks/landmarks";
-import { FACE_LANDMARKS, HIPS, JOINT_COUNT, LANDMARKS, SHOULDERS, type SolvedBody, type SolverConstants } from "./body";
+import { FACE_LANDMARKS, HANDS, HIPS, JOINT_COUNT, LANDMARKS, SHOULDERS, type SolvedBody, type SolverConstants } from "./body";
 import { UNKNOWNS, type Observation } from "./energy";
 import { bodyLandmarks, refined, type Found } from "./gaussNewton";
 import { lift } from "./lifter";
@@ -23,6 +23,7 @@ const TYPICAL_SHARE = 0.1;
 const FOCAL = 0.87;
 const LEAST_WEIGHT = 0.1;
 const FACE_WEIGHT = 0.35;
+const EDGE = 0.1;
 const [HEIGHTS_A_TRUNK, SMALLEST_HEIGHT_PX] = [3.4, 20];
 const NO_PRECISION = new Float64Array(UNKNOWNS);
 
@@ -81,9 +82,9 @@ export class LiveSolver {
   }
 
   private lifted(seen: Landmarks, observation: Observation): { local: Numbers; pelvis: Numbers } {
-    const { pixels, focal, centre, weights } = observation;
+    const { pixels, focal, centre, pixelWeights } = observation;
     const local = lift(pixels, seen.world, seen.visibility, focal, centre, this.constants);
-    return { local, pelvis: translation(bodyLandmarks(local, this.body), pixels, weights, focal, centre) };
+    return { local, pelvis: translation(bodyLandmarks(local, this.body), pixels, pixelWeights, focal, centre) };
   }
 }
 
@@ -97,6 +98,12 @@ function observed({ width, height, xy, world, visibility }: Landmarks): Observat
     // ten points of one rigid face must not outweigh the limbs
     return m > 0 && m < FACE_LANDMARKS ? FACE_WEIGHT * weight : weight;
   });
+  const pixelWeights = weights.map((weight, m) => {
+    if (m < HANDS[0] || m > HANDS[1]) return weight;
+    const [x, y] = [pixels[2 * m]!, pixels[2 * m + 1]!];
+    const fromEdge = Math.min(x, y, width - x, height - y);
+    return weight * Math.min(Math.max(fromEdge / (EDGE * Math.min(width, height)), 0), 1);
+  });
   const trunk = [0, 1].map((c) => {
     const at = (m: number): number => pixels[2 * m + c]!;
     return 0.5 * (at(SHOULDERS[0]) - at(HIPS[0]) + at(SHOULDERS[1]) - at(HIPS[1]));
@@ -104,6 +111,7 @@ function observed({ width, height, xy, world, visibility }: Landmarks): Observat
   const tallPx = Math.max(HEIGHTS_A_TRUNK * Math.hypot(...trunk), SMALLEST_HEIGHT_PX);
   return {
     pixels,
+    pixelWeights,
     weights,
     world: Float64Array.from(world, (value, i) => (i % 3 ? -value : value)),
     perPixel: 1 / (PIXEL_DEVIATION * tallPx),

@@ -25,6 +25,7 @@ from tests.capture.people import (
 )
 
 FRAMES = 24
+HAND = ("wrist", "pinky", "index", "thumb")
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +113,30 @@ def test_legs_that_nobody_sees_hang_at_rest(people):
     found = LiveSolver(body(), camera()).step(replace(person, visibility=visibility), 0.0)
     for name in ("left_knee", "right_knee", "left_hip", "right_hip"):
         assert np.abs(found.joint_angles[JOINT[name]]).max() < 0.1
+
+
+def test_a_forearm_that_leaves_the_picture_does_not_reach_forward():
+    """The estimator puts a hand below the picture just inside it: the forearm seems short."""
+    angles = standing(1).pose(0).joint_angles.copy()
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        angles[JOINT[f"{side}_shoulder"]], angles[JOINT[f"{side}_elbow"]] = (
+            [0.0, 0.0, sign * 1.2],
+            0.0,
+        )
+    pose = Pose(angles, standing(1).pose(0).root_translation)
+    whole = seen_by(camera(), body(), pose)
+    elbow, wrist = (whole.pixels[LANDMARK[f"left_{part}"], 1] for part in ("elbow", "wrist"))
+    cut = round(0.7 * elbow + 0.3 * wrist)
+    pixels = whole.pixels.copy()
+    hands = [LANDMARK[f"{side}_{part}"] for side in ("left", "right") for part in HAND]
+    pixels[hands, 1] = np.minimum(pixels[hands, 1], cut - 2.0)
+    view = replace(camera(), height=cut)
+    found = LiveSolver(body(), view, smoothing=None).step(replace(whole, pixels=pixels), 0.0)
+    for side in ("left", "right"):
+        at, end = JOINT[f"{side}_elbow"], JOINT[f"{side}_wrist"]
+        forearms = [joints(one)[end] - joints(one)[at] for one in (found, pose)]
+        one, true = (forearm / np.linalg.norm(forearm) for forearm in forearms)
+        assert np.degrees(np.arccos(one @ true)) < 10.0
 
 
 def test_smoothing_takes_the_tremble_and_keeps_up(motion, people):
