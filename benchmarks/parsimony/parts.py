@@ -95,7 +95,7 @@ PARTS = (
     _of_training(
         "what limbs may hide",
         REAL,
-        "trainer.hidden_by_limbs",
+        "frame_drawing.hidden_by_limbs",
         lambda _, limbs, *__: _none_of(limbs),
     ),
     _of_training(
@@ -104,7 +104,7 @@ PARTS = (
         "step_views.StepViews.should_register",
         lambda *_: False,
     ),
-    _of_unseen_sides("fingers of skin", REAL, "trainer.strays_on_hands", _none_of),
+    _of_unseen_sides("fingers of skin", REAL, "frame_drawing.strays_on_hands", _none_of),
     _of_training("smooth hands", REAL, "trained_splats.TrainedSplats.pull_hands", lambda *_: None),
     _of_training("fingers bent", REAL, "finger_bends.FingerBends.learn", lambda *_: None),
     _without("gaze", ("grey-shirt",), clip=_looking_ahead),
