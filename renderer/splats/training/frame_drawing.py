@@ -26,6 +26,7 @@ from scene.camera import Camera
 
 _PREVIEW_PX = 384
 _LIGHT_GREY = np.float32(0.93)
+_BLACK = np.zeros(3, np.float32)
 
 
 class FrameDrawing:
@@ -41,7 +42,7 @@ class FrameDrawing:
         estimated: bool,
     ) -> None:
         """Args:
-        splats, light: as they are now; whoever trains them puts others in their place.
+        splats: as they are now; whoever trains them puts others in their place, and a `light`.
         linear_from: see `SplatSettings`.
         estimated: whether poses are, so that a limb may hide what seems to be seen beside it.
         """
@@ -94,14 +95,13 @@ class FrameDrawing:
 
     def contribution(self, frame: int) -> Float[Array, "N"]:
         """Light that each splat blends into `frame`, px."""
-        black = np.zeros(3, np.float32)
-        self.compared(frame, self._views[frame], black, self._poses.transforms(frame))
+        self.compared(frame, self._views[frame], _BLACK, self._poses.transforms(frame))
         return self.splats.contribution
 
     def error_in_given_pose(self, frame: int) -> float:
         """Mean loss of a channel in the pose that the sequence gives `frame`, over black."""
-        view, black = self._views[frame], np.zeros(3, np.float32)
-        self.compared(frame, view, black, self._poses.given_transforms(frame))
+        view = self._views[frame]
+        self.compared(frame, view, _BLACK, self._poses.given_transforms(frame))
         return self.loss(view)
 
     def leave_out_hidden(self, view: View) -> None:

@@ -24,10 +24,7 @@ from renderer.splats.layout import POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.densification import Densification, to_split
-from renderer.splats.training.evidence import (
-    Evidence,
-    frames_looked_at,
-)
+from renderer.splats.training.evidence import Evidence, frames_looked_at
 from renderer.splats.training.filling import held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
 from renderer.splats.training.finger_bends import FingerBends

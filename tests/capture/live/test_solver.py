@@ -119,10 +119,8 @@ def test_a_forearm_that_leaves_the_picture_does_not_reach_forward():
     """The estimator puts a hand below the picture just inside it: the forearm seems short."""
     angles = standing(1).pose(0).joint_angles.copy()
     for side, sign in (("left", -1.0), ("right", 1.0)):
-        angles[JOINT[f"{side}_shoulder"]], angles[JOINT[f"{side}_elbow"]] = (
-            [0.0, 0.0, sign * 1.2],
-            0.0,
-        )
+        angles[JOINT[f"{side}_shoulder"]] = [0.0, 0.0, sign * 1.2]
+        angles[JOINT[f"{side}_elbow"]] = 0.0
     pose = Pose(angles, standing(1).pose(0).root_translation)
     whole = seen_by(camera(), body(), pose)
     elbow, wrist = (whole.pixels[LANDMARK[f"left_{part}"], 1] for part in ("elbow", "wrist"))
