@@ -146,6 +146,7 @@ def train(
         find_light=find_light,
         size=size,
         held_to=held_to,
+        should_stop=should_stop,
     )
     run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
@@ -173,6 +174,7 @@ def _make_trainer(
     find_light: bool,
     size: Size,
     held_to: int,
+    should_stop: Callable[[], bool],
 ) -> Trainer:
     if lpips_backbone is not None and not preset.trains_on_patches:
         raise TrainingError(
@@ -201,7 +203,7 @@ def _make_trainer(
         return splat_trainer
     from renderer.splats.training.sized_trainer import SizedTrainer
 
-    return SizedTrainer(splat_trainer, size)
+    return SizedTrainer(splat_trainer, size, should_stop)
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,12 @@ def captured_clips(
 def trained_model(part: Sequence, iterations: int) -> PerformerModel:
     """A model of `part` as the product trains it."""
     return train(
-        part, preset="splats", iterations=iterations, find_light=True, clock=time.perf_counter
+        part,
+        preset="splats",
+        iterations=iterations,
+        find_light=True,
+        size="auto",
+        clock=time.perf_counter,
     )
 
 

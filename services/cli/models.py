@@ -49,10 +49,10 @@ def train(
     size: Annotated[
         str,
         typer.Option(
-            help="Splats that are kept: `full`, all; `auto`, as few as the clip shows a need for; "
+            help="Splats that are kept: `auto`, as few as the clip shows a need for; `full`, all; "
             "or at most so many."
         ),
-    ] = "full",
+    ] = "auto",
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     lpips_backbone: Annotated[
         Path | None,

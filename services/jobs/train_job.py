@@ -115,7 +115,8 @@ class _Training:
     def round(self, number: int, ends: list[float], start: PerformerModel | None) -> PerformerModel:
         """Train until the end of round `number`; the model says which rounds are behind it.
 
-        The light it was filmed in is found in the last alone: that takes as long as a round.
+        The light it was filmed in is found in the last alone, and how few splats are enough: either
+        takes as long as a round.
         """
         begun = ends[number - 1] if number and start is not None else 0.0
         checkpoint = self._folder / f"round-{number}.checkpoint"
@@ -130,6 +131,7 @@ class _Training:
             share = (begun + step.fraction * length) / ends[-1]
             self._reporter.progress(share, step.message, step.preview)
 
+        last = number + 1 == len(ends)
         clip, held_to = self._lesson.clip, 0
         if self._lesson.kept:
             if start is None:
@@ -142,7 +144,8 @@ class _Training:
                 budget_s=length,
                 seed=int(self._job.params["seed"]),
                 start=start,
-                find_light=number + 1 == len(ends),
+                find_light=last,
+                size="auto" if last else "full",
                 held_to=held_to,
                 on_progress=on_progress,
                 should_stop=self._reporter.should_stop,

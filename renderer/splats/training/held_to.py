@@ -14,13 +14,15 @@ import numpy as np
 
 from renderer.errors import ForgotTooMuch
 from renderer.splats.model import SplatModel
-from renderer.splats.training.held_out import Errors, WatchedFrames, held_out_frames
 from renderer.splats.training.trainer import SplatTrainer
+from renderer.splats.training.watched_frames import Errors, WatchedFrames
 from scene.arrays import Array, Float
 
 _LEARNS_FROM = 0.4
 """Share of the training whose rates it begins with: at first rates, what is known is blurred before
 it is learnt again."""
+_MOST, _SHARE, _LEAST_FRAMES = 8, 8, 20
+"""Frames held out at most, one in so many, of clips that have at least so many."""
 
 
 class HeldToTrainer:
@@ -65,7 +67,7 @@ class HeldToTrainer:
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model; its metrics tell under `held_to` what became of the frames held out.
 
-        Raises ForgotTooMuch where they are worse than the tolerances of `held_out` allow.
+        Raises ForgotTooMuch where they are worse than the tolerances of `watched_frames` allow.
         """
         model, after = self._trainer.finish(metrics), self._watched.errors()
         lost = after.lost(self._before)
@@ -78,6 +80,12 @@ class HeldToTrainer:
             )
         model.metrics["held_to"] = lost
         return model
+
+
+def held_out_frames(count: int) -> tuple[int, ...]:
+    """Some of `count` frames, spread evenly; none of a short clip."""
+    some = min(_MOST, count // _SHARE) if count >= _LEAST_FRAMES else 0
+    return tuple(((np.arange(some) + 0.5) / max(some, 1) * count).astype(int).tolist())
 
 
 def _words(lost: dict[str, Any]) -> str:

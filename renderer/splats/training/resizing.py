@@ -50,8 +50,8 @@ class Resizing:
 
     @property
     def refinable(self) -> bool:
-        """Neither merged, to as few as were asked for or needed, nor refined yet."""
-        return self._grouping is None and self._finer is None
+        """Not refined yet."""
+        return self._finer is None
 
     def refine(self, planned: Densification, split: Bool[Array, "N"]) -> None:
         """Put those of `planned`, whose coarse splats are the present ones, in the place of those

@@ -85,7 +85,7 @@ class SplatTrainer:
         self.held_out: tuple[int, ...] = ()
         """Frames that steps do not look at; may be set."""
         self.adds_sides = True
-        """Sides that no frame shows get more splats; may be set."""
+        """Sides that no frame shows, and hair, get more splats; may be set."""
         self._bends = FingerBends(sequence, start)
         self._estimated = sequence.pose_trust is PoseTrust.ESTIMATED
         self.drawing = FrameDrawing(

@@ -10,7 +10,7 @@ import pytest
 
 from renderer.errors import ForgotTooMuch, TrainingStopped
 from renderer.splats.model import SplatModel
-from renderer.splats.training.held_out import held_out_frames
+from renderer.splats.training.held_to import held_out_frames
 from renderer.training import train
 from scene.sequence import Sequence
 from tests.renderer.clocks import ticking
@@ -89,3 +89,11 @@ def test_a_training_that_was_stopped_is_held_to_the_same(clip, before, tmp_path)
     with pytest.raises(ForgotTooMuch):
         run(lambda: False)
     assert len(held_out_frames(KNOWN)) == 3
+
+
+def test_held_out_frames_are_few_and_lie_evenly():
+    assert held_out_frames(19) == ()
+    assert held_out_frames(20) == (5, 15)
+    many = held_out_frames(400)
+    assert len(many) == 8
+    assert set(np.diff(many)) == {50}

@@ -1,4 +1,4 @@
-"""How far a model in training is from frames that it does not see: body, face and hands apart.
+"""How far a model in training is from some frames: body, face and hands apart.
 
 A picture counts as worse by its squared error, and by LPIPS: fewer splats lose sharpness first,
 which squared errors hardly notice, and neither does SSIM.
@@ -19,8 +19,6 @@ from scene.arrays import Array, Bool, Float
 REGIONS = ("body", "face", "hands")
 _LOOKED_AT = ("body", "face")
 """Regions that are large enough for LPIPS."""
-_MOST, _SHARE, _LEAST_FRAMES = 8, 8, 20
-"""Frames held out at most, one in so many, of clips that have at least so many."""
 _LEAST_PX = 100
 """Pixels of a region, all frames together, from which it is judged."""
 _LEAST_SIDE_PX = 32
@@ -63,12 +61,6 @@ class Errors:
             value <= _WORSE_LPIPS * of_all.lpips[name] + _UNSEEN_LPIPS
             for name, value in self.lpips.items()
         )
-
-
-def held_out_frames(count: int) -> tuple[int, ...]:
-    """Some of `count` frames, spread evenly; none of a short clip."""
-    some = min(_MOST, count // _SHARE) if count >= _LEAST_FRAMES else 0
-    return tuple(((np.arange(some) + 0.5) / max(some, 1) * count).astype(int).tolist())
 
 
 class WatchedFrames:

@@ -1,22 +1,13 @@
-"""Errors of frames that training does not see."""
+"""Errors of frames that are watched."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from renderer.splats.settings import SplatSettings
-from renderer.splats.training.held_out import Errors, WatchedFrames, held_out_frames
 from renderer.splats.training.trainer import SplatTrainer
+from renderer.splats.training.watched_frames import Errors, WatchedFrames
 from tests.renderer.studio import make_sequence
-
-
-def test_held_out_frames_are_few_and_lie_evenly():
-    assert held_out_frames(19) == ()
-    assert held_out_frames(20) == (5, 15)
-    many = held_out_frames(400)
-    assert len(many) == 8
-    assert set(np.diff(many)) == {50}
 
 
 def errors(face: float, lpips: float, body: float = 1e-3) -> Errors:
