@@ -92,6 +92,10 @@ export class Api implements UploadRoutes {
     return (await this.json<Models>("GET", "/v1/models")).items;
   }
 
+  model(id: string): Promise<Model> {
+    return this.json("GET", `/v1/models/${id}`);
+  }
+
   sequence(id: string): Promise<Sequence> {
     return this.json("GET", `/v1/sequences/${id}`);
   }

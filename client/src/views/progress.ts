@@ -5,7 +5,8 @@ import type { Clip, EnrolState, Enrolment, Step } from "../enrolment/enrol";
 import { asProblem } from "../api/problem";
 import { clipProblem } from "../enrolment/plainWords";
 import { progressText } from "../enrolment/progressText";
-import { advice, qualityLines } from "../enrolment/quality";
+import { modelLines } from "../enrolment/modelReport";
+import { advice, qualityLines, type QualityLine } from "../enrolment/quality";
 import type { Sequence } from "../api/types";
 import { announce, h, withoutEmpty, usesTouch } from "./dom";
 import { icon } from "./icons";
@@ -47,6 +48,7 @@ export function progressView(
   bar.setAttribute("aria-valuemax", "100");
   const message = h("p", { className: "secondary message" });
   const report = h("div", { className: "quality", testId: "quality", hidden: true });
+  const ofModel = h("div", { className: "quality", testId: "model-report", hidden: true });
   const ways = h("div", { className: "actions" });
   const trouble = h("div", {});
   let waysShown = "";
@@ -83,6 +85,7 @@ export function progressView(
     bar.hidden = state.status === "ready";
     message.textContent = messageOf(state);
     if (state.sequence) showQuality(report, state.sequence);
+    if (state.status === "ready" && state.modelId) void showModel(state.modelId);
     pane.show(state);
     trouble.replaceChildren(...(state.problem ? [notice(clipProblem(state.problem))] : []));
     const actions = actionsFor(state);
@@ -93,6 +96,15 @@ export function progressView(
       announce(title.textContent);
       if (state.problem) ways.scrollIntoView({ block: "nearest" });
     }
+  };
+
+  /** It is an extra: without an answer nothing is missed. */
+  const showModel = async (modelId: string): Promise<void> => {
+    if (ofModel.dataset["of"] === modelId) return;
+    ofModel.dataset["of"] = modelId;
+    const lines = await api.model(modelId).then(modelLines, () => []);
+    ofModel.hidden = lines.length === 0;
+    ofModel.replaceChildren(h("h2", {}, "Your model"), lineList(lines));
   };
 
   const actionsFor = (state: EnrolState): { key: string; buttons: HTMLElement[] } => {
@@ -117,7 +129,7 @@ export function progressView(
     "main",
     { className: "progress" },
     pane.element,
-    h("section", { className: "progress-text" }, title, steps, bar, message, trouble, ways, report),
+    h("section", { className: "progress-text" }, title, steps, bar, message, trouble, ways, report, ofModel),
   );
   const busy = (): boolean => ["working", "stopping"].includes(enrolment.state.status);
   return { element, show, busy, close: () => pane.close() };
@@ -174,14 +186,12 @@ function showQuality(report: HTMLElement, sequence: Sequence): void {
   report.dataset["of"] = sequence.id;
   report.replaceChildren(
     h("h2", {}, "Your clip"),
-    h(
-      "dl",
-      {},
-      ...lines.flatMap(({ label, value, level }) => [
-        h("dt", {}, label),
-        h("dd", { className: level }, value),
-      ]),
-    ),
+    lineList(lines),
     ...hints.map((hint) => h("p", { className: "hint-line" }, hint)),
   );
+}
+
+function lineList(lines: readonly QualityLine[]): HTMLElement {
+  const entries = lines.map(({ label, value, level }) => [h("dt", {}, label), h("dd", { className: level }, value)]);
+  return h("dl", {}, ...entries.flat());
 }

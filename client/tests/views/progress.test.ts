@@ -10,13 +10,14 @@ let close: () => void = () => undefined;
 
 /** A training that is watched from its bookmark on; `server.job` is what the server says of it. */
 function setUp(first: Partial<Job>, found: Partial<Sequence> = {}) {
-  const server = { job: job(first), away: false, answer: null as ((call: Call) => Response) | null };
+  const server = { job: job(first), away: false, answer: null as ((call: Call) => Response | null) | null };
   const { request, calls } = fakeFetch((call) => {
     if (server.away) throw new TypeError("no network");
     const own = server.answer?.(call);
     if (own) return own;
     if (call.path.endsWith("/events")) return eventStream(server.job);
     if (call.path.endsWith("/preview")) return new Response("picture");
+    if (call.path.startsWith("/v1/models")) return json({ metrics: {} });
     if (call.path.startsWith("/v1/sequences")) return json(sequence(found));
     return json(server.job);
   });
@@ -84,6 +85,15 @@ describe("the progress of an enrolment", () => {
     expect(view.element.querySelector<HTMLElement>("[role=progressbar]")?.hidden).toBe(true);
     expect(view.element.querySelectorAll("li.done")).toHaveLength(3);
     expect(document.getElementById("announcer")?.textContent).toContain("Ada, you are ready");
+  });
+
+  it("tells of the model what was kept, once it is ready", async () => {
+    const { view, server, watch } = setUp({ state: "succeeded", progress: 1, model_id: "m" });
+    const size = { of: 6000, kept: 3421, tried: [] };
+    server.answer = ({ path }) => (path === "/v1/models/m" ? json({ metrics: { size } }) : null);
+    await watch();
+    const report = view.element.querySelector<HTMLElement>("[data-testid=model-report]");
+    expect([report?.hidden, report?.textContent]).toEqual([false, "Your modelPoints kept3,421 of 6,000"]);
   });
 
   it("stops a training, and takes it up again", async () => {
