@@ -1,10 +1,11 @@
 """Live look on lifelike performers: from beside their webcam, against what a camera there sees.
 
 Each is trained on one turn; then a hand goes across the chest, or the face does what the clip did
-not hold, before a synthetic webcam (`benchmarks.lifelike_look.webcam`). The model alone and with
-live look, both in the pose that the picture was aligned with, are seen from the webcam's place and
-from beside and behind it, each by a camera carried round the pelvis as far as that which shows the
-truth, and judged on the crop of the body and on that of the hand or the face.
+not hold, before a synthetic webcam (`benchmarks.lifelike_look.webcam`). Without live look, in the
+pose of the landmarks, and with it, in the pose that the picture was aligned with, they are seen
+from the webcam's place and from beside and behind it, each by a camera carried round the chest as
+far as that which shows the truth, and judged on the crop of the body and on that of the hand or the
+face. What colours alone bring is told by the model in the aligned pose.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from benchmarks.lifelike_look.performances import (
     performances,
     trained_clip,
 )
-from benchmarks.lifelike_look.sheet import LookedAt, draw_sheet
+from benchmarks.lifelike_look.sheet import LookedAt, Shown, draw_sheet
 from benchmarks.lifelike_look.webcam import AS_FOUND, GivenTruth, SyntheticWebcam
 from benchmarks.real.judge import crop_lpips
 from benchmarks.real.measure import Networks, trained_model
@@ -49,9 +50,9 @@ BESIDE_DEG = (0.0, 10.0, 20.0, 40.0)
 BEHIND_DEG = (90.0, 135.0, 180.0)
 FLICKER_DEG = (0.0, 20.0, 40.0)
 MUST, AIM = {10.0: 0.6, 20.0: 0.7, 40.0: 0.85}, {10.0: 0.3, 20.0: 0.4, 40.0: 0.6}
-"""LPIPS as a share of that of the model alone, by degrees beside the webcam."""
+"""LPIPS as a share of that without live look, by degrees beside the webcam."""
 MUST_BEHIND, MUST_FLICKER = 1.0, 1.2
-"""The same from beyond 75 degrees; flicker as a share of that of the model alone."""
+"""The same from beyond 75 degrees; flicker as a share of that of the model in the same pose."""
 _FIRST, _EVERY = 8, 5
 """Pictures before the first that is judged, and from one to the next."""
 
@@ -122,25 +123,23 @@ def played(
         pose, appearance = look.see(seen.picture)
         milliseconds.append(1e3 * (time.perf_counter() - begun))
         if count >= _FIRST and (count - _FIRST) % _EVERY < 2:
-            yield LookedAt(performance, seen.number, seen.camera, pose, appearance)
+            solved = seen.picture.pose
+            yield LookedAt(performance, seen.number, seen.camera, solved, pose, appearance)
 
 
 def judged(shown: list[LookedAt], model: SplatModel, lpips: Lpips) -> dict[str, Any]:
-    """By degrees beside the webcam: LPIPS and PSNR (dB) of body and part, and flicker; of the model
-    alone and with live look."""
+    """By degrees beside the webcam: LPIPS and PSNR (dB) of body and part, and flicker; of each that
+    may be shown."""
     renderer, found = SplatRenderer((model,)), dict[str, Any]()
     for degrees in (*BESIDE_DEG, *BEHIND_DEG):
-        figures: dict[str, dict[str, list[float]]] = {"model": {}, "live": {}}
-        before: tuple[Frame, dict[str, Array]] | None = None
+        figures: dict[Shown, dict[str, list[float]]] = {"off": {}, "model": {}, "live": {}}
+        before: tuple[Frame, dict[Shown, Array]] | None = None
         for place, one in enumerate(shown):
             is_after = place % 2 == 1
             if is_after and degrees not in FLICKER_DEG:
                 continue
             truth = one.performance.truth(one.number, degrees)
-            pictures = {
-                "model": one.rendered(renderer, model, degrees, live=False),
-                "live": one.rendered(renderer, model, degrees, live=True),
-            }
+            pictures = {name: one.rendered(renderer, model, degrees, name) for name in figures}
             for name, picture in pictures.items():
                 if not is_after:
                     _add(figures[name], _of_picture(lpips, picture, truth, one.performance))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from scene.live_appearance import LiveAppearance
 from scene.motion import Pose
 from scene.sequence import body_crop
 
+Shown = Literal["off", "model", "live"]
+"""Without live look; the model alone in the pose that live look aligned; with live look."""
 _SIDES_DEG = (0.0, 20.0, 45.0, 90.0)
 _ROWS = 2
 _CELL_PX, _MARGIN = 260, 0.08
@@ -31,23 +34,25 @@ class LookedAt:
     number: int
     """Of the performance's pose."""
     camera: Camera
-    """Of the webcam's whole picture, in the world of `pose`."""
+    """Of the webcam's whole picture, in the world of the poses."""
+    solved: Pose
+    """From the landmarks, as it is shown without live look."""
     pose: Pose
     """Aligned with the picture."""
     appearance: LiveAppearance
 
     def rendered(
-        self, renderer: SplatRenderer, model: SplatModel, degrees: float, *, live: bool
+        self, renderer: SplatRenderer, model: SplatModel, degrees: float, shown: Shown
     ) -> Float[Array, "H W 3"]:
         """The model from beside the webcam, over black."""
-        pose = self.pose
+        pose = self.solved if shown == "off" else self.pose
         view = beside(self.camera, pose, model.skeleton, degrees)
         transforms = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
         picture = renderer.render(
             view,
             [transforms],
             expressions=[pose.expression],
-            appearances=[self.appearance if live else None],
+            appearances=[self.appearance if shown == "live" else None],
         )
         return np.clip(picture[..., :3], 0.0, 1.0)
 
@@ -72,8 +77,8 @@ def _row(renderer: SplatRenderer, model: SplatModel, one: LookedAt) -> UInt8[Arr
         size = (max(1, round(_CELL_PX * width / height)), _CELL_PX)
         for name, picture in (
             ("truth", truth.image),
-            ("model", one.rendered(renderer, model, degrees, live=False)),
-            ("live look", one.rendered(renderer, model, degrees, live=True)),
+            ("model", one.rendered(renderer, model, degrees, "model")),
+            ("live look", one.rendered(renderer, model, degrees, "live")),
         ):
             cells.append(captioned(f"{degrees:.0f} degrees: {name}", picture[crop], size))
     return np.concatenate(cells, axis=1)

@@ -67,23 +67,29 @@ def _lifelike(figures: Figures) -> list[str]:
         "webcam as they truly are: trained on one turn, then seen by a webcam of "
         f"{' x '.join(map(str, figures['webcam_px']))} px through the product's own landmarks, "
         "live motion, cut-outs and VP8. LPIPS of the body (in brackets of the hand or the face), "
-        "with live look as a share of that of the model alone in the same pose. The limits are "
-        f"{limits} (the aims {aims}), {MUST_BEHIND:g} from beyond 75 degrees, and "
-        f"{MUST_FLICKER:g} for flicker:"
+        "with live look as a share of that without it, in the pose that the landmarks give; after "
+        "the stroke as a share of that of the model in the pose that live look aligned: what its "
+        f"colours alone bring. The limits are {limits} (the aims {aims}), {MUST_BEHIND:g} from "
+        f"beyond 75 degrees, and, in the same pose, {MUST_FLICKER:g} for flicker:"
     )
     rows = []
     for name, one in figures["cast"].items():
         for what, places in one["performances"].items():
             beside = [_shares(places[f"{degrees:g}"]) for degrees in BESIDE_DEG]
-            behind = [_share(places[f"{degrees:g}"], "body") for degrees in BEHIND_DEG]
-            flicker = [_share(places[f"{degrees:g}"], "flicker") for degrees in FLICKER_DEG]
-            model = places["0"]["model"]["body"]
+            behind = " / ".join(
+                f"{max(_share(places[f'{degrees:g}'], 'body', of) for degrees in BEHIND_DEG):.2f}"
+                for of in ("off", "model")
+            )
+            flicker = [
+                _share(places[f"{degrees:g}"], "flicker", "model") for degrees in FLICKER_DEG
+            ]
+            off = places["0"]["off"]["body"]
             told = " / ".join(f"{share:.2f}" for share in flicker)
-            rows.append([name, what, f"{model:.3f}", *beside, f"{max(behind):.2f}", told])
+            rows.append([name, what, f"{off:.3f}", *beside, behind, told])
     heads = [
         "performer",
         "what they do",
-        "model alone at 0 degrees",
+        "without it at 0 degrees",
         *(f"{degrees:g} degrees" for degrees in BESIDE_DEG),
         "worst beyond 75",
         f"flicker at {' / '.join(f'{degrees:g}' for degrees in FLICKER_DEG)}",
@@ -92,12 +98,12 @@ def _lifelike(figures: Figures) -> list[str]:
 
 
 def _shares(place: Figures) -> str:
-    return f"{_share(place, 'body'):.2f} ({_share(place, 'part'):.2f})"
+    body, part = (_share(place, figure, "off") for figure in ("body", "part"))
+    return f"{body:.2f} ({part:.2f}) / {_share(place, 'body', 'model'):.2f}"
 
 
-def _share(place: Figures, figure: str) -> float:
-    """Of the model alone."""
-    return place["live"][figure] / place["model"][figure]
+def _share(place: Figures, figure: str, of: str) -> float:
+    return place["live"][figure] / place[of][figure]
 
 
 def _learning(cases: Figures) -> list[str]:

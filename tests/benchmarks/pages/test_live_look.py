@@ -1,4 +1,4 @@
-"""The page's table of lifelike performers: shares of the model alone, by how far beside."""
+"""The page's table of lifelike performers: shares of what is without live look."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ _FIGURES = Path(__file__).parents[3] / "docs" / "figures"
 FIGURES, PAGES = _FIGURES / "live-look.json", _FIGURES / "local-look.json"
 
 
-def test_lifelike_performers_are_told_as_shares_of_the_model_alone():
+def test_lifelike_performers_are_told_as_shares_of_what_is_without_it():
     figures = json.loads(FIGURES.read_text())
     model = {"body": 0.1, "part": 0.2, "flicker": 1.0}
+    off = {"body": 0.2, "part": 0.3, "flicker": 5.0}
     live = {"body": 0.06, "part": 0.18, "flicker": 1.1}
-    places = {f"{degrees:g}": {"model": model, "live": live} for degrees in BESIDE_DEG}
-    places |= {f"{degrees:g}": {"model": model, "live": {"body": 0.1}} for degrees in BEHIND_DEG}
-    places["135"] = {"model": model, "live": {"body": 0.113}}
+    alone = {"off": off, "model": model}
+    places = {f"{degrees:g}": {**alone, "live": live} for degrees in BESIDE_DEG}
+    places |= {f"{degrees:g}": {**alone, "live": {"body": 0.1}} for degrees in BEHIND_DEG}
+    places["135"] = {**alone, "live": {"body": 0.113}}
     cast = {"hazel": {"performances": {"hand across the chest": {"frames": 6, **places}}}}
     text = live_look({**figures, "lifelike": {"webcam_px": [640, 480], "cast": cast}})
     row = next(line for line in text.splitlines() if line.startswith("| hazel"))
-    shares = ["0.60 (0.90)"] * 4
+    shares = ["0.30 (0.60) / 0.60"] * 4
     assert [cell.strip() for cell in row.split("|")[1:-1]] == [
-        *("hazel", "hand across the chest", "0.100", *shares, "1.13"),
+        *("hazel", "hand across the chest", "0.200", *shares, "0.56 / 1.13"),
         "1.10 / 1.10 / 1.10",
     ]
     assert "0.6 from 10 degrees, 0.7 from 20 degrees, 0.85 from 40 degrees" in text
