@@ -78,6 +78,11 @@ class FirstSplats:
             self.quads[rows],
         )
 
+    def with_bones(self, before: Skeleton, after: Skeleton) -> FirstSplats:
+        """These, on the skeleton `before`, on the one of other bone lengths `after`."""
+        moved = moved_with_bones(self.parameters, self.joints, self.weights, before, after)
+        return replace(self, parameters=moved)
+
     def joined(self, others: FirstSplats) -> FirstSplats:
         """These, then `others`."""
         moving = others.expression_splats + np.int32(len(self.parameters))
@@ -155,10 +160,12 @@ def flat_splats(
 
 
 def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -> FirstSplats:
-    """The splats of an earlier `model` on `skeleton`.
+    """The splats of an earlier `model` on `skeleton`, on which `first` are, too.
 
     Their normals are those of `first`; so are offsets of expressions where the model knows none, or
-    was made before fingers had in-betweens, or eyes could turn.
+    was made before fingers had in-betweens, or eyes could turn. Where the model shows what no frame
+    did, `first` stand in for it, in its colours: finer sides, hollows and hair are guessed anew, on
+    the body's surface and not on an earlier guess.
     """
     from scipy.spatial import KDTree
 
@@ -167,14 +174,21 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
     place = slice(POSITION, POSITION + 3)
     _, nearest = KDTree(first.parameters[:, place]).query(parameters[:, place])
     splats, offsets = model.expression_splats, model.expression_offsets
-    known = offsets[:, EXPRESSION_COUNT:].any() and offsets[:, GAZE].any()
-    if not known and len(first.expression_splats):
+    has_all = offsets[:, EXPRESSION_COUNT:].any() and offsets[:, GAZE].any()
+    if not has_all and len(first.expression_splats):
         all_offsets = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
         all_offsets[first.expression_splats] = first.expression_offsets
         splats, offsets = moving_splats(all_offsets[nearest])
-    return FirstSplats(
+    known = FirstSplats(
         parameters, joints, model.weights, first.normals[nearest], splats, offsets, model.quads
     )
+    if model.seen.all():
+        return known
+    _, nearest = KDTree(parameters[:, place]).query(first.parameters[:, place])
+    guessed = first.taken(np.flatnonzero(~model.seen[nearest]))
+    colours = parameters[nearest[~model.seen[nearest]], COLOUR : COLOUR + 3]
+    guessed.parameters[:, COLOUR : COLOUR + 3] = colours
+    return known.taken(np.flatnonzero(model.seen)).joined(guessed)
 
 
 def moved_with_bones(

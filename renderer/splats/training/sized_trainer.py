@@ -34,7 +34,7 @@ _LADDER = 2.0**-0.5
 """Each number that may be tried is so many times the one before."""
 _LEAST = 500
 """Splats at least."""
-_REFIT_SHARE, _REFIT_STEPS = 0.05, (20, 200)
+_REFIT_SHARE, _REFIT_STEPS = 0.05, (50, 200)
 """Steps of training before a number is judged, as a share of those before, and their limits."""
 _WIDEST_M = 0.02
 """Most deviation of a merged splat: wider ones show as a halo beside the body."""

@@ -79,6 +79,7 @@ class SplatTrainer:
             tubes = self._cloth.begun
             first = with_splats_on_cloth(first, tubes, sequence.body, settings, self._rng)
         self._first_skeleton = self._poses.skeleton
+        first = first.with_bones(sequence.body.skeleton, self._first_skeleton)
         earlier = None if start is None else splats_of_model(start, first, self._first_skeleton)
         planned = Densification.planned(first, earlier, settings)
         self._resizing = Resizing(first if earlier is None else earlier, planned)

@@ -10,6 +10,7 @@ import pytest
 from renderer.errors import TrainingError
 from renderer.evaluation.evaluate import evaluate
 from renderer.pose_refinement.clip_poses import PoseRefinement
+from renderer.splats.layout import COLOUR
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats, splats_of_model
@@ -55,6 +56,22 @@ def test_splats_follow_bones_that_are_longer_now():
     np.testing.assert_allclose(shift[:, 1], 0.1 * bound, atol=1e-6)
     np.testing.assert_array_equal(moved.parameters[:, 3:], model.parameters[:, 3:])
     np.testing.assert_allclose(np.linalg.norm(moved.normals, axis=1), 1.0, atol=1e-5)
+
+
+def test_what_no_frame_showed_begins_anew_in_the_colours_that_it_had():
+    model, sequence = make_model(), make_sequence()
+    seen = model.parameters[:, 0] > 0.0
+    first = first_splats(
+        sequence, replace(SplatSettings(), count=300, most=300), np.random.default_rng(0)
+    )
+    begun = splats_of_model(replace(model, seen=seen), first, model.skeleton)
+    kept, anew = begun.parameters[: seen.sum()], begun.parameters[seen.sum() :]
+    np.testing.assert_array_equal(kept, model.parameters[seen])
+    places = {tuple(place) for place in first.parameters[:, :3].tolist()}
+    assert 100 < len(anew) < 200
+    assert all(tuple(place) in places for place in anew[:, :3].tolist())
+    of_the_model = {tuple(colour) for colour in model.parameters[:, COLOUR : COLOUR + 3].tolist()}
+    assert {tuple(colour) for colour in anew[:, COLOUR : COLOUR + 3].tolist()} <= of_the_model
 
 
 def test_refined_poses_are_gone_on_from_for_the_same_clip_alone():
