@@ -94,7 +94,9 @@ def _lifelike(figures: Figures) -> list[str]:
         "worst beyond 75",
         f"flicker at {' / '.join(f'{degrees:g}' for degrees in FLICKER_DEG)}",
     ]
-    return [description, markdown_table(heads, rows)]
+    # a run of these performers alone says which it was
+    own = [measured_at(figures)] if "commit" in figures else []
+    return [description, markdown_table(heads, rows), *own]
 
 
 def _shares(place: Figures) -> str:
