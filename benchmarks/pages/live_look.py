@@ -91,9 +91,7 @@ def _lifelike(figures: Figures) -> list[str]:
         "worst beyond 75",
         f"flicker at {' / '.join(f'{degrees:g}' for degrees in FLICKER_DEG)}",
     ]
-    # a run of these performers alone says which it was
-    own = [measured_at(figures)] if "commit" in figures else []
-    return [description, markdown_table(heads, rows), *own]
+    return [description, markdown_table(heads, rows)]
 
 
 def _shares(place: Figures) -> str:

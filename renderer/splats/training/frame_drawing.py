@@ -113,12 +113,9 @@ class FrameDrawing:
             size, focal_px = view.rgba.shape[:2], view.window.focal_px
             splats.contribution[hidden_by_limbs(splats.work, splats.limbs, size, focal_px)] = 0.0
 
-    def pictures(
-        self, frame: int, view: View | None = None
-    ) -> tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]:
-        """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views or as
-        a `view` of it has them."""
-        view = view or self._views[frame]
+    def pictures(self, frame: int) -> tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]:
+        """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views."""
+        view = self._views[frame]
         self._arrange(frame, view, self._poses.transforms(frame))
         return self._arranged(view)
 
@@ -149,9 +146,9 @@ class FrameDrawing:
             strays_on_hands(splats.parameters, found, splats.joints, splats.weights)
         )
 
-    def front(self, frame: int, view: View) -> Int[Array, "H W"]:
-        """Which splat each pixel of a `view` of `frame` shows; -1 where none does."""
-        splats, window = self.splats, view.window
+    def front(self, frame: int) -> Int[Array, "H W"]:
+        """Which splat each pixel of whole views shows in `frame`; -1 where none does."""
+        splats, window = self.splats, self._views[frame].window
         moved = splats.expressions.moved(splats.parameters, frame)
         transforms = self._poses.transforms(frame)
         return splats.work.front(

@@ -38,7 +38,7 @@ _REFIT_SHARE, _REFIT_STEPS = 0.05, (50, 200)
 """Steps of training before a number is judged, as a share of those before, and their limits."""
 _WIDEST_M = 0.02
 """Most deviation of a merged splat: wider ones show as a halo beside the body."""
-_FRAMES, _VIEWS = 12, 24
+_FRAMES, _VIEWS = 16, 24
 """Frames that are looked at at most, and views all round in which a splat's light is."""
 _LEAST_LIGHT_PX = 1e-3
 _LOOKED_AT, _LOOKED_AT_MORE = [KINDS.index("face"), KINDS.index("hands")], 3.0

@@ -37,8 +37,7 @@ class StepViews:
     """The frames of one training, and how its steps see them."""
 
     def __init__(self, filmed: list[View], sequence: Sequence, settings: SplatSettings) -> None:
-        self.filmed, self._settings = filmed, settings
-        """Each frame at its own size, never registered."""
+        self._filmed, self._settings = filmed, settings
         self._flows, self._registrations = _AS_FILMED, 0
         self._look_at(filmed)
         self.whole = self._whole
@@ -76,8 +75,8 @@ class StepViews:
 
     def _move(self, flows: Float[Array, "F G G 2"]) -> None:
         self._flows = flows
-        moved = map(registered, self.filmed, flows)
-        self._look_at(list(moved) if len(flows) else self.filmed)
+        moved = map(registered, self._filmed, flows)
+        self._look_at(list(moved) if len(flows) else self._filmed)
 
     def state(self) -> dict[str, Array]:
         """What `restore` needs."""

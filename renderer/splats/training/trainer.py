@@ -39,7 +39,7 @@ from renderer.splats.training.step_views import StepViews
 from renderer.splats.training.strands import with_strands
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
 from renderer.splats.training.unseen_sides import far_sides, guess_sides
-from renderer.splats.training.views import View, read_views
+from renderer.splats.training.views import read_views
 from scene.arrays import Array, Bool, Float
 from scene.motion import Motion
 from scene.sequence import PoseTrust, Sequence
@@ -128,10 +128,6 @@ class SplatTrainer:
     def frames(self) -> int:
         """Of the clip."""
         return len(self._looks.whole)
-
-    def as_filmed(self, frame: int) -> View:
-        """What `frame` shows of the person, at its own size."""
-        return self._looks.filmed[frame]
 
     def warm_up(self) -> None:
         """Compile the kernels by one step whose effect is undone."""

@@ -64,8 +64,7 @@ class Errors:
 
 
 class WatchedFrames:
-    """Frames of a training at the size in which they were filmed, with the pixels that show each
-    region as the model is now: in smaller pictures, fewer splats would lose nothing."""
+    """Frames of a training, with the pixels that show each region as the model is now."""
 
     def __init__(self, trainer: SplatTrainer, frames: tuple[int, ...]) -> None:
         self._trainer, self._frames = trainer, frames
@@ -83,7 +82,7 @@ class WatchedFrames:
         squared, pixels = np.zeros(len(REGIONS)), np.zeros(len(REGIONS))
         lpips: dict[str, list[float]] = {name: [] for name in _LOOKED_AT}
         for frame, regions in zip(self._frames, self._pixels, strict=True):
-            pictures = self._trainer.drawing.pictures(frame, self._trainer.as_filmed(frame))
+            pictures = self._trainer.drawing.pictures(frame)
             made, truth = (np.clip(one[..., :3], 0.0, 1.0) for one in pictures)
             squared += (regions * np.square(made - truth).mean(axis=2)).sum(axis=(1, 2))
             pixels += regions.sum(axis=(1, 2))
@@ -98,8 +97,7 @@ class WatchedFrames:
         )
 
     def _regions(self, frame: int) -> Bool[Array, "R H W"]:
-        front = self._trainer.drawing.front(frame, self._trainer.as_filmed(frame))
-        kinds = self._trainer.splats.kinds
+        front, kinds = self._trainer.drawing.front(frame), self._trainer.splats.kinds
         kind = np.where(front >= 0, kinds[front], -1)
         parts = [kind == KINDS.index(name) for name in REGIONS[1:]]
         return np.stack([np.ones_like(parts[0]), *parts])

@@ -43,7 +43,7 @@ def test_a_box_in_three_colours_needs_few_splats_and_says_so():
     assert report["of"] == 6000
     assert report["kept"] < 4500
     assert report["kept"] <= len(model) < 6000
-    assert report["frames"] == 12
+    assert report["frames"] == 16
     assert report["steps"] == 50 * (len(report["tried"]) + 1)
     kept = [one for one in report["tried"] if one["good"]]
     assert kept[-1]["splats"] == report["kept"]
