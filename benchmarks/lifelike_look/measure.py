@@ -139,7 +139,9 @@ def judged(shown: list[LookedAt], model: SplatModel, lpips: Lpips) -> dict[str, 
             if is_after and degrees not in FLICKER_DEG:
                 continue
             truth = one.performance.truth(one.number, degrees)
-            pictures = {name: one.rendered(renderer, model, degrees, name) for name in figures}
+            pictures: dict[Shown, Array] = {
+                name: one.rendered(renderer, model, degrees, name) for name in figures
+            }
             for name, picture in pictures.items():
                 if not is_after:
                     _add(figures[name], _of_picture(lpips, picture, truth, one.performance))

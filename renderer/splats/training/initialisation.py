@@ -184,10 +184,10 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
     )
     if model.seen.all():
         return known
-    _, nearest = KDTree(parameters[:, place]).query(first.parameters[:, place])
-    guessed = first.taken(np.flatnonzero(~model.seen[nearest]))
-    colours = parameters[nearest[~model.seen[nearest]], COLOUR : COLOUR + 3]
-    guessed.parameters[:, COLOUR : COLOUR + 3] = colours
+    near = np.asarray(KDTree(parameters[:, place]).query(first.parameters[:, place])[1])
+    anew = ~model.seen[near]
+    guessed = first.taken(np.flatnonzero(anew))
+    guessed.parameters[:, COLOUR : COLOUR + 3] = parameters[near[anew], COLOUR : COLOUR + 3]
     return known.taken(np.flatnonzero(model.seen)).joined(guessed)
 
 
