@@ -91,7 +91,9 @@ def _lifelike(figures: Figures) -> list[str]:
         "worst beyond 75",
         f"flicker at {' / '.join(f'{degrees:g}' for degrees in FLICKER_DEG)}",
     ]
-    return [description, markdown_table(heads, rows)]
+    # a run of these performers alone says which it was
+    own = [measured_at(figures)] if "commit" in figures else []
+    return [description, markdown_table(heads, rows), *own]
 
 
 def _shares(place: Figures) -> str:
@@ -132,7 +134,9 @@ def _learning(cases: Figures) -> list[str]:
         kept = f"{case['kept']} of {case['seen']}"
         rows.append([name, kept, str(before["frames"]), *parts, of_the_clip])
     heads = ["person", "pictures kept, of", "frames judged", "body", "face", "of the clip"]
-    return [description, markdown_table(heads, rows)]
+    # a run of these performers alone says which it was
+    own = [measured_at(figures)] if "commit" in figures else []
+    return [description, markdown_table(heads, rows), *own]
 
 
 def local_look(figures: Figures) -> str:
