@@ -134,9 +134,7 @@ def _learning(cases: Figures) -> list[str]:
         kept = f"{case['kept']} of {case['seen']}"
         rows.append([name, kept, str(before["frames"]), *parts, of_the_clip])
     heads = ["person", "pictures kept, of", "frames judged", "body", "face", "of the clip"]
-    # a run of these performers alone says which it was
-    own = [measured_at(figures)] if "commit" in figures else []
-    return [description, markdown_table(heads, rows), *own]
+    return [description, markdown_table(heads, rows)]
 
 
 def local_look(figures: Figures) -> str:
