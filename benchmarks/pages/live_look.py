@@ -76,13 +76,16 @@ def _lifelike(figures: Figures) -> list[str]:
     for name, one in figures["cast"].items():
         for what, places in one["performances"].items():
             beside = [_shares(places[f"{degrees:g}"]) for degrees in BESIDE_DEG]
-            behind = " / ".join(_told(_worst(places, of)) for of in ("off", "model"))
-            flicker = [
-                _share(places[f"{degrees:g}"], "flicker", "model") for degrees in FLICKER_DEG
-            ]
-            off = places["0"].get("off", {}).get("body")
-            told = " / ".join(map(_told, flicker))
-            rows.append([name, what, _told(off, 3), *beside, behind, told])
+            behind = " / ".join(
+                f"{max(_share(places[f'{degrees:g}'], 'body', of) for degrees in BEHIND_DEG):.2f}"
+                for of in ("off", "model")
+            )
+            flicker = " / ".join(
+                f"{_share(places[f'{degrees:g}'], 'flicker', 'model'):.2f}"
+                for degrees in FLICKER_DEG
+            )
+            off = places["0"]["off"]["body"]
+            rows.append([name, what, f"{off:.3f}", *beside, behind, flicker])
     heads = [
         "performer",
         "what they do",
@@ -98,22 +101,11 @@ def _lifelike(figures: Figures) -> list[str]:
 
 def _shares(place: Figures) -> str:
     body, part = (_share(place, figure, "off") for figure in ("body", "part"))
-    return f"{_told(body)} ({_told(part)}) / {_told(_share(place, 'body', 'model'))}"
+    return f"{body:.2f} ({part:.2f}) / {_share(place, 'body', 'model'):.2f}"
 
 
-def _worst(places: Figures, of: str) -> float | None:
-    """Of those from beyond 75 degrees."""
-    shares = [_share(places[f"{degrees:g}"], "body", of) for degrees in BEHIND_DEG]
-    return None if None in shares else max(share for share in shares if share is not None)
-
-
-def _share(place: Figures, figure: str, of: str) -> float | None:
-    """None: figures of before have nothing without live look."""
-    return place["live"][figure] / place[of][figure] if of in place else None
-
-
-def _told(value: float | None, digits: int = 2) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+def _share(place: Figures, figure: str, of: str) -> float:
+    return place["live"][figure] / place[of][figure]
 
 
 def _learning(cases: Figures) -> list[str]:

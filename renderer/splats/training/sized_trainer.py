@@ -4,8 +4,8 @@ Late in the training, once there is little left to learn, splats that look alike
 few as leave no difference in the clip's frames, by bisection over their number, each tried after
 some steps of training. None may be worse than all splats, nor the face or the hands by themselves.
 The rest of the training goes on from those few, and is shorter for it. The frames are those that
-training sees: more splats gain there first, so nothing is given up that could be seen elsewhere,
-and holding some out would cost more than it tells.
+training sees: more splats gain there first, and frames that were held out made the choice bolder
+and no better.
 """
 
 from __future__ import annotations
