@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from playwright.sync_api import expect
 
 from benchmarks.browser import running_demo
+
+expect.set_options(timeout=30_000)  # ms, for a machine that does much else
 
 
 @pytest.fixture(scope="session")
