@@ -2,8 +2,13 @@
 
 A live solver's pose is right within centimetres. Where the model in that pose and the picture
 differ, dense flow from one to the other tells how far each pixel is to move, and the pose moves by
-what fits the flow best: one step of least squares. What a step finds is kept for the next picture,
-in which somebody is a little further on, and wrong in much the same way.
+what fits the flow best: one step of Gauss-Newton towards the most probable pose, with the solver's
+as the prior's mean. What a step finds is kept for the next picture, in which somebody is a little
+further on, and wrong in much the same way.
+
+Flow is believed along gradients of the picture alone, by its structure tensor (Foerstner and
+Guelch 1987): over plain cloth it is smoothed in from elsewhere, and light that the clip did not
+have moves it.
 """
 
 from __future__ import annotations
@@ -20,7 +25,7 @@ from renderer.pose_refinement.photometry import (
 from renderer.splats.layout import POSITION, VISIBILITY_DILATION_PX2
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
-from scene.arrays import Array, Float, Int
+from scene.arrays import Array, Float, Int, UInt8
 from scene.camera import Camera
 from scene.motion import Pose
 
@@ -28,9 +33,12 @@ _PIXELS = 600
 """Pixels that a step looks at."""
 _FAR_PX = 6.0
 """Flow from which a pixel counts less: it hardly shows the same point."""
-_STIFFNESS = 0.02
-"""Of the prior that the pose stays, as a share of what the median parameter moves pixels."""
-_PRIOR = 10.0
+_PRIOR = 3000.0
+"""Of the given pose: squares of pixels of flow, over all that a step looks at, that weigh as much
+as 1 rad or m beside it."""
+_BLUR_PX, _NOISE = 2.5, 6.0
+"""Of the structure tensor: its neighbourhood, and the gradient, grey levels a pixel, that counts
+half."""
 _KEPT = 0.9
 """Share of the correction that is believed of the next picture."""
 _STEPS, _FIRST_STEPS = 1, 3
@@ -91,39 +99,70 @@ class FlowAligner:
         )
         drawn = np.empty((camera.height, camera.width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
-        flow = np.zeros((camera.height, camera.width, 2), np.float32)
-        flow = self._flow.calc(_luma(drawn[..., :3]), _cut_out_luma(picture), flow)
-        return self._pose_step(*self._sampled(drawn[..., 3], flow), camera, pose)
+        flow, cut_out = (
+            np.zeros((camera.height, camera.width, 2), np.float32),
+            _cut_out_luma(picture),
+        )
+        flow = self._flow.calc(_luma(drawn[..., :3]), cut_out, flow)
+        rows, columns, front = self._sampled(drawn[..., 3])
+        at = rows, columns
+        return self._pose_step(front, flow[at].astype(float), structure(cut_out, *at), camera, pose)
 
     def _sampled(
-        self, alpha: Float[Array, "H W"], flow: Float[Array, "H W 2"]
-    ) -> tuple[Int[Array, "M"], Float[Array, "M 2"]]:
-        """Splats that some of the person's pixels show, and how far those pixels are to move."""
+        self, alpha: Float[Array, "H W"]
+    ) -> tuple[Int[Array, "M"], Int[Array, "M"], Int[Array, "M"]]:
+        """Rows and columns of some of the person's pixels, and the splats that they show."""
         rows, columns = np.nonzero(alpha > 0.5)
         every = max(1, len(rows) // _PIXELS)
         rows, columns = rows[::every], columns[::every]
         front = self._work.front_of_pixels(rows, columns, alpha.shape[1])
         known = front >= 0
-        return front[known], flow[rows[known], columns[known]].astype(np.float64)
+        return rows[known], columns[known], front[known]
 
     def _pose_step(
-        self, front: Int[Array, "M"], moved: Float[Array, "M 2"], camera: Camera, pose: Pose
+        self,
+        front: Int[Array, "M"],
+        moved: Float[Array, "M 2"],
+        tensors: Float[Array, "M 2 2"],
+        camera: Camera,
+        pose: Pose,
     ) -> Float[Array, "75"]:
+        """What brings the correction so far nearer to the most probable one."""
+        assert self._correction is not None
         if not len(front):
             return np.zeros(POSE_PARAMETERS)
         weight = 1.0 / (1.0 + (moved**2).sum(axis=1) / _FAR_PX**2)
+        weighted = weight[:, None, None] * tensors
         matrix, vector = pixel_equations(
             self._points,
             front,
-            weight[:, None, None] * np.eye(2),
-            weight[:, None] * moved,
+            weighted,
+            (weighted @ moved[..., None])[..., 0],
             self._model.skeleton,
             camera,
             pose,
         )
-        stiff = _PRIOR * _STIFFNESS * max(float(np.median(np.diag(matrix))), 1e-6)
-        step = np.linalg.solve(matrix + stiff * np.eye(POSE_PARAMETERS), vector)
+        step = np.linalg.solve(
+            matrix + _PRIOR * np.eye(POSE_PARAMETERS), vector - _PRIOR * self._correction
+        )
         return np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
+
+
+def structure(
+    luma: UInt8[Array, "H W"], rows: Int[Array, "M"], columns: Int[Array, "M"]
+) -> Float[Array, "M 2 2"]:
+    """How well a movement of pixels can be seen, by direction (x, y): 1 along a strong gradient, 0
+    where `luma` is plain."""
+    import cv2
+
+    # a Sobel filter's weights come to 8
+    dx, dy = (cv2.Sobel(luma, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1)))
+    xx, xy, yy = (
+        cv2.GaussianBlur(product, (0, 0), _BLUR_PX)[rows, columns].astype(float)
+        for product in (dx * dx, dx * dy, dy * dy)
+    )
+    tensors = np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
+    return tensors / (xx + yy + _NOISE**2)[:, None, None]
 
 
 def _luma(rgb: Float[Array, "H W 3"]) -> Array:
