@@ -33,7 +33,7 @@ _PIXELS = 600
 """Pixels that a step looks at."""
 _FAR_PX = 6.0
 """Flow from which a pixel counts less: it hardly shows the same point."""
-_PRIOR = 3000.0
+_PRIOR = 1500.0
 """Of the given pose: squares of pixels of flow, over all that a step looks at, that weigh as much
 as 1 rad or m beside it."""
 _BLUR_PX, _NOISE = 2.5, 6.0
