@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import pkgutil
 from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import jaxtyping
@@ -81,6 +82,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Leave the checker of annotations out of slow tests, a fifth of whose time it would take.
+
+    Quick tests call the same functions, and check them. Fixtures of wider scopes are left out
+    with the test that sets them up.
+    """
+    if item.get_closest_marker("slow") is None:
+        return (yield)
+    with _unchecked():
+        return (yield)
+
+
+@contextmanager
+def _unchecked() -> Generator[None, None, None]:
+    before = jaxtyping.config.jaxtyping_disable
+    jaxtyping.config.update("jaxtyping_disable", True)
+    try:
+        yield
+    finally:
+        jaxtyping.config.update("jaxtyping_disable", before)
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Where everything that tests need was started first, as in CI, a skip is a failure."""
     report = yield
@@ -98,6 +122,5 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 @pytest.fixture
 def unchecked_annotations():
     """For tests of the errors a user sees, who runs without the checker."""
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", False)
+    with _unchecked():
+        yield
