@@ -34,7 +34,7 @@ def trainer(start: SplatModel | None = None) -> SplatTrainer:
 
 
 def studio(folder: Path, look: str) -> Sequence:
-    make_studio_sequence(folder, seed=1, look=look, frames=16, size=80, test_cameras=4)
+    make_studio_sequence(folder, seed=1, look=look, frames=12, size=80, test_cameras=1)
     return open_sequence(folder)
 
 
@@ -96,7 +96,7 @@ def test_other_cloth_takes_its_splats_along():
 def test_a_studio_performers_loose_clothes_are_found_and_tight_ones_are_not(tmp_path):
     assert find_cut(studio(tmp_path / "plain", "plain")) is None
     loose = studio(tmp_path / "loose", "loose")
-    model = train(loose, iterations=120, clock=ticking()).splats
+    model = train(loose, iterations=60, clock=ticking()).splats
     assert model is not None
     assert model.cloth is not None
     assert (model.quads != NO_CLOTH).mean() > 0.1
@@ -109,7 +109,7 @@ def test_a_studio_performers_loose_clothes_are_found_and_tight_ones_are_not(tmp_
     )
     found = []
     for shown in (model, bare):
-        views = [read_frame(loose.test[NOVEL_VIEW], i) for i in range(0, 16, 3)]
+        views = [read_frame(loose.test[NOVEL_VIEW], i) for i in range(0, 12, 3)]
         pictures = [rendered_in(shown, f.camera, f.pose, model.motion)[..., :3] for f in views]
         found.append(np.mean([psnr(p, f.image) for p, f in zip(pictures, views, strict=True)]))
     assert found[0] > found[1] + 2.0
