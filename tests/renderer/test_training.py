@@ -40,7 +40,7 @@ def test_loss_falls_and_the_model_says_how_it_was_made():
 
 
 def test_a_seed_repeats_to_the_bit():
-    first, second, other = trained(seed=3), trained(seed=3), trained(seed=4)
+    first, second, other = (trained(seed=seed, iterations=20) for seed in (3, 3, 4))
     np.testing.assert_array_equal(first.parameters, second.parameters)
     assert not np.array_equal(first.parameters, other.parameters)
 
@@ -182,14 +182,14 @@ class Claimed:
 
 
 def test_refining_poses_wins_back_sharpness_on_unseen_views(tmp_path):
-    make_studio_sequence(tmp_path / "seq", frames=20, size=96, test_cameras=4)
+    make_studio_sequence(tmp_path / "seq", frames=16, size=64, test_cameras=1)
     clip = open_sequence(tmp_path / "seq")
     noise = np.deg2rad(4.0) * np.random.default_rng(0).normal(size=clip.motion.joint_angles.shape)
     noisy = replace(clip.motion, joint_angles=clip.motion.joint_angles + noise)
     psnr = {}
     for trust in (PoseTrust.EXACT, PoseTrust.ESTIMATED):
         claimed = replace(clip, train=Claimed(clip.train, noisy), motion=noisy, pose_trust=trust)
-        model = train(claimed, iterations=500, clock=ticking(0.001))
+        model = train(claimed, iterations=300, clock=ticking(0.001))
         psnr[trust] = evaluate(model, clip)["psnr"]["novel_view"]["body_crop"]
-    # measured: 19.9 dB with the noise taken for truth, 21.8 refined
+    # measured: 22.1 dB with the noise taken for truth, 23.8 refined
     assert psnr[PoseTrust.ESTIMATED] > psnr[PoseTrust.EXACT] + 1.0
