@@ -5,6 +5,9 @@ Modules of numba code (`*kernels`) are left out: a compiled function can't be wr
 
 from __future__ import annotations
 
+import scene  # noqa: F401 - says how threads wait, before numpy is first imported
+
+# isort: split
 import os
 import pkgutil
 from collections.abc import Generator
