@@ -21,6 +21,7 @@ from hypothesis import settings
 
 import tests.annotations  # noqa: F401  (the hook finds its checker by this name)
 from tests.servers import SERVER_FIXTURES
+from tests.servers import empty_database as empty_database
 from tests.servers import face_model as face_model
 from tests.servers import hand_model as hand_model
 from tests.servers import mortal_redis as mortal_redis

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,9 +20,12 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def database(url: str) -> Iterator[Database]:
+def database(url: str, empty_database: Path) -> Iterator[Database]:
     made = Database(url)
-    made.migrate()
+    if url.startswith("sqlite"):
+        shutil.copy(empty_database, url.removeprefix("sqlite:///"))
+    else:
+        made.migrate()
     yield made
     made.close()
 

@@ -18,7 +18,6 @@ import httpx
 import pytest
 import uvicorn
 
-from db.unit_of_work import Database
 from services.app import create_app
 from services.auth import ALL_SCOPES
 from services.composition import build_services
@@ -78,16 +77,6 @@ def changed(settings: Settings, **values: Any) -> Settings:
         groups[field.name] = group.model_copy(update=names)
     assert not values, f"no settings: {values}"
     return Settings(**groups)  # pyright: ignore[reportArgumentType]
-
-
-@pytest.fixture(scope="session")
-def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A migrated SQLite file to copy: quicker than to migrate for each test."""
-    path = tmp_path_factory.mktemp("template") / "metanerf.db"
-    database = Database(f"sqlite:///{path}")
-    database.migrate()
-    database.close()
-    return path
 
 
 @pytest.fixture
