@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import subprocess
 import sys
+import tempfile
 import zipfile
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import av
@@ -25,10 +29,12 @@ from db.models import (
     SequenceState,
     new_id,
 )
-from services.bootstrap import import_model
+from renderer.model_files import load_model
+from renderer.performer_model import PerformerModel
 from services.container import Services
 from services.jobs.packing import pack
 from services.jobs.queue import enqueue
+from services.person_models import store_files, write_files
 from tests.shared_data import shared_data
 
 
@@ -94,9 +100,59 @@ def captured(services: Services, folder: Path, account: str = "house") -> Sequen
     return sequence
 
 
+@dataclass(frozen=True)
+class _HandedOut:
+    """A model, and the bytes of every file by which it is handed out."""
+
+    model: PerformerModel
+    files: dict[str, bytes]
+
+
+_HANDED_OUT: dict[str, _HandedOut] = {}
+"""By the sha256 of the weights."""
+
+
+def _handed_out(path: Path) -> _HandedOut:
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if digest not in _HANDED_OUT:
+        model = load_model(path)
+        with tempfile.TemporaryDirectory() as folder:
+            files = {one.name: one.read_bytes() for one in write_files(model, Path(folder))}
+        _HANDED_OUT[digest] = _HandedOut(model, files)
+    return _HANDED_OUT[digest]
+
+
+def imported(services: Services, path: Path, account: str, name: str) -> ModelRow:
+    """A trained model file as that of a new person, as `services.bootstrap.import_model` does.
+
+    The files by which it is handed out are made once: the viewer's takes half a second.
+    """
+    known, now = _handed_out(path), services.clock()
+    person = PersonRow(id=new_id(), account=account, name=name, created_at=now)
+    row = ModelRow(
+        id=new_id(),
+        person_id=person.id,
+        preset=known.model.preset,
+        created_at=now,
+        data_hash=known.model.data_hash,
+        metrics=known.model.metrics,
+    )
+    row.files = store_files(
+        lambda file: services.objects.put(person.id, [known.files[file.name]]),
+        person.id,
+        [Path(one) for one in known.files],
+    )
+    with services.unit_of_work() as unit:
+        unit.people.add(person)
+        unit.flush()
+        unit.models.add(row)
+        unit.commit()
+    return row
+
+
 def with_clip(services: Services, model: Path, clip: Path, account: str = "house") -> ModelRow:
     """The model in the file `model`, of Ada, whose sequence is stored from the folder `clip`."""
-    row = import_model(services, model, account, "Ada")
+    row = imported(services, model, account, "Ada")
     packed = pack(services.objects, row.person_id, clip)
     sequence = SequenceRow(
         id=new_id(),
@@ -182,6 +238,7 @@ def archive(entries: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) 
     return file.getvalue()
 
 
+@cache
 def real_frames(count: int = 8, height: int = 300) -> bytes:
     """Every tenth frame of a real clip, small, as a zip."""
     entries = {}

@@ -13,9 +13,9 @@ import pytest
 from db.erase import erase_person
 from services import forgetting
 from services.app import ROUTERS, create_app
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
+from tests.services import seeds
 
 
 async def test_an_application_has_one_gateway_and_nothing_else(services: Services):
@@ -30,7 +30,7 @@ async def test_a_gateway_forgets_whom_another_has_erased(
     services: Services, model_file: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(forgetting, "LOOK_S", 0.05)
-    row = import_model(services, model_file, "house", "Ada")
+    row = seeds.imported(services, model_file, "house", "Ada")
     gateway = gateway_of(create_app(services))
     kept = weakref.ref(services.models.load(row.id))
     services.models.forget_erased()

@@ -10,9 +10,9 @@ import pytest
 
 from db.meeting_rows import SEAT_LAPSES_S
 from db.models import ModelRow
-from services.bootstrap import import_model
 from services.container import Services
 from tests.fakes import Clock
+from tests.services import seeds
 from tests.services.conftest import bearer
 
 
@@ -62,7 +62,9 @@ def bo(client: httpx.AsyncClient, services: Services) -> Caller:
 @pytest.fixture
 def models(services: Services, model_file: Path) -> dict[str, ModelRow]:
     owners = {"Ada": "ada", "Bo": "bo", "Bo anew": "bo"}
-    return {name: import_model(services, model_file, owner, name) for name, owner in owners.items()}
+    return {
+        name: seeds.imported(services, model_file, owner, name) for name, owner in owners.items()
+    }
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from services.auth import GUEST
 from services.bootstrap import import_model
 from services.container import Services
 from tests.fakes import Clock
+from tests.services import seeds
 from tests.services.conftest import bearer, calling
 
 USUAL = {"purposes": ["meetings", "recordings"], "until": None, "state": "given"}
@@ -40,7 +41,7 @@ async def client(timed: Services) -> AsyncIterator[httpx.AsyncClient]:
 
 @pytest.fixture
 def model(timed: Services, model_file: Path) -> ModelRow:
-    return import_model(timed, model_file, "house", "Ada")
+    return seeds.imported(timed, model_file, "house", "Ada")
 
 
 def place(model: ModelRow) -> str:

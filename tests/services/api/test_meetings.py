@@ -25,7 +25,7 @@ from tests.services.conftest import bearer, changed
 
 @pytest.fixture
 def models(services: Services, model_file: Path) -> list[ModelRow]:
-    return [import_model(services, model_file, "house", name) for name in ("Ada", "Bob", "Cy")]
+    return [seeds.imported(services, model_file, "house", name) for name in ("Ada", "Bob", "Cy")]
 
 
 async def test_a_meeting_places_its_performers_apart(

@@ -16,7 +16,6 @@ from pydantic import SecretStr
 
 from db.models import ModelRow
 from renderer.splats.model import SplatModel
-from services.bootstrap import import_model
 from services.composition import build_services
 from services.container import Services
 from services.settings import Settings
@@ -26,7 +25,7 @@ from tests.services.conftest import bearer, calling, changed
 
 @pytest.fixture
 def model(services: Services, model_file: Path) -> ModelRow:
-    return import_model(services, model_file, "house", "Ada")
+    return seeds.imported(services, model_file, "house", "Ada")
 
 
 def _pixels(answer: httpx.Response) -> np.ndarray:
@@ -222,7 +221,7 @@ async def test_a_file_is_read_from_a_store_that_clients_reach(
     )
     services = build_services(at_s3)
     shutil.copy(empty_database, settings.folders.data_dir / "metanerf.db")
-    model = import_model(services, model_file, "house", "Ada")
+    model = seeds.imported(services, model_file, "house", "Ada")
     async with calling(services) as client, httpx.AsyncClient() as anybody:
         read = (await client.get(f"/v1/models/{model.id}")).json()
         file, _, drawn = read["files"]

@@ -9,7 +9,6 @@ import pytest
 
 from db.models import JobKind, JobState, SequenceRow
 from services.app import create_app
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from tests.services import seeds
@@ -97,7 +96,7 @@ async def test_who_moved_by_it_moves_as_they_were_filmed(
         told.append(meeting_id)
 
     monkeypatch.setattr(gateway_of(app).views, "refresh", listener)
-    model = import_model(services, model_file, "house", "Bo")
+    model = seeds.imported(services, model_file, "house", "Bo")
     meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
     place = f"/v1/meetings/{meeting['id']}"
     moved = {"model_id": model.id, "motion_sequence_id": sequence.id}

@@ -11,14 +11,14 @@ import pytest
 
 from db.models import ModelRow
 from services.api.gzipped import takes_gzip
-from services.bootstrap import import_model
 from services.container import Services
+from tests.services import seeds
 from tests.services.conftest import bearer
 
 
 @pytest.fixture
 def model(services: Services, model_file: Path) -> ModelRow:
-    return import_model(services, model_file, "house", "Ada")
+    return seeds.imported(services, model_file, "house", "Ada")
 
 
 def url(model: ModelRow) -> str:
@@ -89,7 +89,7 @@ def test_who_takes_gzip(header: str, takes: bool):
 async def test_a_seat_opens_no_other_file_and_no_other_model(
     client: httpx.AsyncClient, services: Services, model: ModelRow, model_file: Path
 ):
-    other = import_model(services, model_file, "house", "Bo")
+    other = seeds.imported(services, model_file, "house", "Bo")
     seat = await join(client, model)
     absent = await client.get(url(other), headers=seat)
     assert absent.status_code == 403

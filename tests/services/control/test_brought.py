@@ -7,10 +7,10 @@ from typing import Any
 
 import httpx
 
-from services.bootstrap import import_model
 from services.container import Services
 from services.seats import SEAT_LAPSES_S
 from tests.fakes import Clock
+from tests.services import seeds
 from tests.services.conftest import bearer
 from tests.services.control.page import join
 
@@ -24,7 +24,7 @@ async def bring(caller: httpx.AsyncClient, path: str, model_id: str, headers: di
 async def test_who_leaves_takes_along_whom_they_brought(
     caller: httpx.AsyncClient, timed: Services, meeting: dict[str, Any], model_file: Path
 ):
-    model = import_model(timed, model_file, "neighbours", "Bo")
+    model = seeds.imported(timed, model_file, "neighbours", "Bo")
     mine, path = bearer(timed, "neighbours"), f"/v1/meetings/{meeting['id']}"
     async with await join(caller, meeting["id"], "Ada") as ada:
         async with await join(caller, meeting["id"], "Bo", headers=mine) as bo:
@@ -45,7 +45,7 @@ async def test_whose_page_is_lost_is_shown_until_their_seat_lapses(
     model_file: Path,
     clock: Clock,
 ):
-    model = import_model(timed, model_file, "neighbours", "Bo")
+    model = seeds.imported(timed, model_file, "neighbours", "Bo")
     mine, path = bearer(timed, "neighbours"), f"/v1/meetings/{meeting['id']}"
 
     async def shown() -> int:

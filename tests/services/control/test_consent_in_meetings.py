@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from services.app import create_app
-from services.bootstrap import import_model
 from services.composition import build_services
 from services.container import Services
 from services.settings import load_settings
+from tests.services import seeds
 from tests.services.conftest import SECRET, bearer
 from tests.services.control.conftest import on_a_port
 from tests.services.control.page import Page, join
@@ -71,8 +71,8 @@ async def other_picture(viewer: Viewer, than: np.ndarray) -> np.ndarray:
 
 
 async def test_who_revokes_is_seen_no_longer_on_any_gateway(deployed: Services, model_file: Path):
-    ada_model = import_model(deployed, model_file, "house", "Ada")
-    cy_model = import_model(deployed, model_file, "house", "Cy")
+    ada_model = seeds.imported(deployed, model_file, "house", "Ada")
+    cy_model = seeds.imported(deployed, model_file, "house", "Cy")
     other = build_services(deployed.settings)  # a process of its own, as far as it can tell
     apps = [create_app(deployed), create_app(other)]
     async with on_a_port(apps[0], deployed) as here, on_a_port(apps[1], other) as there:
@@ -138,7 +138,7 @@ async def test_who_revokes_is_seen_no_longer_on_any_gateway(deployed: Services, 
 async def test_a_consent_that_ends_takes_its_person_out_by_itself(
     caller: httpx.AsyncClient, timed: Services, clock, model_file: Path
 ):
-    model = import_model(timed, model_file, "house", "Ada")
+    model = seeds.imported(timed, model_file, "house", "Ada")
     body = {"name": "Monday", "model_ids": [model.id]}
     meeting = (await caller.post("/v1/meetings", json=body)).json()
     until = (clock.now + timedelta(seconds=3)).isoformat()
@@ -163,7 +163,7 @@ async def test_who_comes_while_a_consent_ends_does_not_see_the_person(
     """What a viewer was given may be older than what the hub looked at since."""
     from services.live.sessions import stored_meetings
 
-    app, model = create_app(services), import_model(services, model_file, "house", "Ada")
+    app, model = create_app(services), seeds.imported(services, model_file, "house", "Ada")
     loaded = stored_meetings.load_performers
 
     def slowly(services: Services, meeting_id: str):

@@ -12,12 +12,12 @@ import pytest
 from fastapi import FastAPI
 
 from services.app import create_app
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import Gateway, gateway_of
 from services.homes import LEASE_S
 from tests.fakes import Clock
 from tests.servers import free_port
+from tests.services import seeds
 from tests.services.conftest import changed
 from tests.services.control.conftest import on_a_port
 from tests.services.control.page import Page, join
@@ -81,7 +81,7 @@ async def take_seat(at: Served, meeting_id: str) -> Seat:
 @pytest.fixture
 async def meeting_id(gateways: list[Served], timed: Services, model_file) -> str:
     """With somebody to be seen in it."""
-    model = import_model(timed, model_file, "house", "Robin")
+    model = seeds.imported(timed, model_file, "house", "Robin")
     body = {"name": "Monday", "model_ids": [model.id]}
     return (await gateways[0].caller.post("/v1/meetings", json=body)).json()["id"]
 

@@ -8,9 +8,10 @@ import httpx
 import pytest
 
 from services.auth import Tokens
-from services.bootstrap import ensure_demo, import_model
+from services.bootstrap import ensure_demo
 from services.container import Services
 from services.gateway import gateway_of
+from tests.services import seeds
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
 from tests.services.live.viewer import Viewer
@@ -19,7 +20,7 @@ from tests.services.live.viewer import Viewer
 @pytest.fixture
 async def crowd(caller: httpx.AsyncClient, timed: Services, model_file: Path) -> dict:
     """A meeting of account `house` with somebody standing in it."""
-    model = import_model(timed, model_file, "house", "Robin")
+    model = seeds.imported(timed, model_file, "house", "Robin")
     body = {"name": "Monday", "model_ids": [model.id], "lobby": True}
     return (await caller.post("/v1/meetings", json=body)).json()
 

@@ -6,8 +6,8 @@ import asyncio
 
 from benchmarks.load.person import drop_sockets
 from services.app import create_app
-from services.bootstrap import import_model
 from services.control.roster import SILENCE_S
+from tests.services import seeds
 from tests.services.conftest import bearer
 from tests.services.control.conftest import on_a_port
 from tests.services.control.page import Page, join
@@ -33,7 +33,7 @@ async def look(caller, meeting_id: str, page: Page) -> Viewer:
 
 
 async def test_ten_seconds_without_a_network_cost_nobody_their_seat(services, model_file):
-    model = import_model(services, model_file, "house", "Robin")
+    model = seeds.imported(services, model_file, "house", "Robin")
     app = create_app(services)
     async with on_a_port(app, services) as caller:
         body = {"name": "Monday", "model_ids": [model.id]}

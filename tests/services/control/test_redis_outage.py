@@ -8,9 +8,9 @@ from dataclasses import replace
 import httpx
 
 from services.app import create_app
-from services.bootstrap import import_model
 from services.jobs.redis_events import RedisEvents
 from tests.servers import MortalRedis
+from tests.services import seeds
 from tests.services.conftest import bearer, changed
 from tests.services.control.conftest import on_a_port
 from tests.services.control.page import join
@@ -25,7 +25,7 @@ async def readiness(caller: httpx.AsyncClient) -> tuple[int, str]:
 async def test_a_meeting_of_two_gateways_outlives_redis(
     services, model_file, mortal_redis: MortalRedis
 ):
-    model = import_model(services, model_file, "house", "Robin")
+    model = seeds.imported(services, model_file, "house", "Robin")
     settings = changed(services.settings, redis_url=mortal_redis.url)
     both = [
         replace(services, settings=settings, events=RedisEvents(mortal_redis.url)) for _ in "ab"

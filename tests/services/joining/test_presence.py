@@ -15,7 +15,7 @@ import pytest
 
 from benchmarks.servers import MortalServer, gateway_at
 from services.auth import ALL_SCOPES
-from services.bootstrap import DEMO_MODEL, import_model
+from services.bootstrap import DEMO_MODEL
 from services.composition import build_services
 from services.container import Services
 from services.joining.presence import Presence, present
@@ -25,6 +25,7 @@ from services.settings import load_settings
 from tests.capture.people import standing
 from tests.e2e.turns import turns
 from tests.servers import free_port
+from tests.services import seeds
 from tests.services.live.people import seen
 
 PATIENCE_S = 90.0
@@ -62,7 +63,7 @@ def house(tmp_path: Path) -> Iterator[House]:
         services = build_services(settings)
         stack.callback(services.close)
         services.database.migrate()
-        ada = import_model(services, DEMO_MODEL, "ada", "Ada")
+        ada = seeds.imported(services, DEMO_MODEL, "ada", "Ada")
         with services.unit_of_work() as unit:
             meeting = create_meeting(services, unit, "ada", "Monday", [ada])
             unit.commit()

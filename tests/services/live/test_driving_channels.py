@@ -18,7 +18,6 @@ from fastapi import FastAPI
 from prometheus_client import REGISTRY
 
 from db.models import Purpose
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.likeness import give_consent
@@ -32,6 +31,7 @@ from services.live.room import Room, facing_yaw
 from services.live.sessions.view_sessions import ViewSessions
 from services.meetings import create_meeting
 from tests.capture.people import JOINT, body, standing
+from tests.services import seeds
 from tests.services.live.people import seen
 from tests.services.live.viewer import Viewer
 
@@ -59,8 +59,8 @@ async def until(look: Callable[[], bool], what: str) -> None:
 @pytest.fixture
 def meeting_id(services: Services, model_file: Path) -> str:
     """Ada of account `house` and Bo of `elsewhere` in one room."""
-    ada = import_model(services, model_file, "house", "Ada")
-    bo = import_model(services, model_file, "elsewhere", "Bo")
+    ada = seeds.imported(services, model_file, "house", "Ada")
+    bo = seeds.imported(services, model_file, "elsewhere", "Bo")
     with services.unit_of_work() as unit:
         meeting = create_meeting(services, unit, "house", "Monday", [ada, bo])
         unit.commit()

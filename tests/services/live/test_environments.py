@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.bootstrap import import_model
+from tests.services import seeds
 from tests.services.live.test_whep import open_meeting
 from tests.services.live.viewer import Viewer
 
 
 async def test_everybody_who_looks_sees_the_new_place(app, caller, services, model_file):
-    model = import_model(services, model_file, "house", "Ada")
+    model = seeds.imported(services, model_file, "house", "Ada")
     meeting_id, header = await open_meeting(caller, model)
     viewers = [Viewer(), Viewer()]
     for viewer in viewers:

@@ -16,12 +16,12 @@ from aiortc import RTCConfiguration, RTCIceServer, RTCIceTransportPolicy
 from pydantic import SecretStr
 
 from services.app import create_app
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.ice_servers import IceServer, ice_servers
 from services.settings import Settings, load_settings
 from tests.servers import TurnServer
+from tests.services import seeds
 from tests.services.conftest import bearer, changed
 from tests.services.live.test_whep import open_meeting
 from tests.services.live.viewer import Viewer, view
@@ -66,7 +66,7 @@ async def test_whoever_joins_or_connects_gets_them_and_no_log_does(
     async with httpx.AsyncClient(
         transport=transport, base_url="http://test", headers=bearer(services)
     ) as caller:
-        model = import_model(services, model_file, "house", "Ada")
+        model = seeds.imported(services, model_file, "house", "Ada")
         meeting = (
             await caller.post("/v1/meetings", json={"name": "Monday", "model_ids": [model.id]})
         ).json()
@@ -105,7 +105,7 @@ async def test_a_viewer_who_has_only_a_relay_sees(
     async with httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
     ) as caller:
-        model = import_model(services, model_file, "house", "Ada")
+        model = seeds.imported(services, model_file, "house", "Ada")
         meeting_id, header = await open_meeting(caller, model)
         seat = await caller.post(f"/v1/meetings/{meeting_id}/join", json={})
         [relay] = seat.json()["ice_servers"]

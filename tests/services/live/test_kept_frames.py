@@ -29,12 +29,20 @@ from tests.services.live.test_live_look import Sender
 EVERY_PURPOSE = [purpose.value for purpose in Purpose]
 
 
+@pytest.fixture(scope="module")
+def in_checks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of Ada's model."""
+    path = tmp_path_factory.mktemp("checks") / "ada.safetensors"
+    save_model(person_in_checks(), path)
+    return path
+
+
 @pytest.fixture
-async def room(services: Services, views: ViewSessions, tmp_path: Path) -> Room:
+async def room(
+    services: Services, views: ViewSessions, in_checks: Path, sequence_folder: Path
+) -> Room:
     """Ada of account `house`, whose model has a clip, and who consents to all."""
-    save_model(person_in_checks(), tmp_path / "ada.safetensors")
-    clip = seeds.film(tmp_path / "clip")
-    row = seeds.with_clip(services, tmp_path / "ada.safetensors", clip)
+    row = seeds.with_clip(services, in_checks, sequence_folder)
     with services.unit_of_work() as unit:
         unit.people.get(row.person_id).consent_purposes = EVERY_PURPOSE
         meeting = create_meeting(services, unit, "house", "Monday", [unit.models.get(row.id)])

@@ -27,6 +27,7 @@ from services.live.room import Room
 from services.live.sessions.view_sessions import ViewSessions
 from services.meetings import create_meeting
 from tests.capture.people import standing
+from tests.services import seeds
 from tests.services.live.look_pictures import CodedPictures, KeptPictures, frame_of
 from tests.services.live.people import seen
 from tests.services.live.test_drawing_viewers import view
@@ -52,7 +53,7 @@ def sinks(views: ViewSessions) -> dict[str, KeptPictures]:
 @pytest.fixture
 async def room(services: Services, views: ViewSessions, model_file: Path) -> Room:
     """Ada of account `house`, and Di, whom the demo lends."""
-    ada = import_model(services, model_file, "house", "Ada")
+    ada = seeds.imported(services, model_file, "house", "Ada")
     di = import_model(services, model_file, GUEST, "Di")
     with services.unit_of_work() as unit:
         meeting = create_meeting(services, unit, "house", "Monday", [ada, di])

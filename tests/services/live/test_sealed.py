@@ -13,7 +13,7 @@ from cryptography.exceptions import InvalidTag
 from fastapi import FastAPI
 
 from db.models import ModelRow
-from services.bootstrap import DEMO_MODEL, import_model
+from services.bootstrap import DEMO_MODEL
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.motion.body_packet import encode_body
@@ -83,13 +83,13 @@ class SealedPage:
 
 @pytest.fixture
 def ada(services: Services) -> ModelRow:
-    return import_model(services, DEMO_MODEL, "house", "Ada")
+    return seeds.imported(services, DEMO_MODEL, "house", "Ada")
 
 
 @pytest.fixture
 def meeting_id(services: Services, ada: ModelRow) -> str:
     """A sealed meeting of Ada, of account `house`, and Bo, of `elsewhere`."""
-    bo = import_model(services, DEMO_MODEL, "elsewhere", "Bo")
+    bo = seeds.imported(services, DEMO_MODEL, "elsewhere", "Bo")
     with services.unit_of_work() as unit:
         meeting = create_meeting(services, unit, "house", "Monday", [ada, bo], sealed=True)
         unit.commit()
@@ -219,7 +219,7 @@ async def test_the_server_says_that_it_draws_no_sealed_meeting(caller, services,
 
 
 async def test_only_whom_pages_draw_and_move_may_stand_in_it(caller, services, ada: ModelRow):
-    field = import_model(services, DEMO_MODEL, "house", "Cy")
+    field = seeds.imported(services, DEMO_MODEL, "house", "Cy")
     with services.unit_of_work() as unit:  # as of a field, which pages have no file of
         row = unit.models.get(field.id)
         row.files = [one for one in row.files if one.name != VIEWER_FILE]

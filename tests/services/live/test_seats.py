@@ -15,7 +15,6 @@ from db.models import ModelRow
 from scene import Environment
 from services import seats
 from services.app import create_app
-from services.bootstrap import import_model
 from services.container import Services
 from services.errors import TooManyRequests
 from services.gateway import gateway_of
@@ -23,6 +22,7 @@ from services.live.rendering.here import RenderersHere
 from services.live.sessions.view_session import CONNECT_S, SILENCE_S, ViewSession
 from services.live.sessions.view_sessions import ViewSessions
 from tests.fakes import Clock
+from tests.services import seeds
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
 
@@ -62,7 +62,7 @@ class EmptyMeetings:
 
 @pytest.fixture
 def model(services: Services, model_file: Path) -> ModelRow:
-    return import_model(services, model_file, "house", "Ada")
+    return seeds.imported(services, model_file, "house", "Ada")
 
 
 @pytest.fixture

@@ -11,18 +11,18 @@ import pytest
 
 from db.models import ModelRow
 from services.auth import INVITED, new_guest
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.rendering import here
 from services.live.sessions.view_sessions import ViewSessions
+from tests.services import seeds
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
 
 
 @pytest.fixture
 def model(services: Services, model_file: Path) -> ModelRow:
-    return import_model(services, model_file, "house", "Ada")
+    return seeds.imported(services, model_file, "house", "Ada")
 
 
 async def open_meeting(caller: httpx.AsyncClient, model: ModelRow) -> tuple[str, dict[str, str]]:

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from db.models import JobKind, RecordingState
-from services.bootstrap import import_model
 from services.gateway import gateway_of
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
@@ -26,6 +25,7 @@ from services.recording.recorder import Recorders
 from services.recording.replay import load
 from services.recording.video_export import CameraKeyframe, CameraPath, export_video
 from services.synthetic import NOTE
+from tests.services import seeds
 from tests.services.api.test_environments import panorama
 from tests.services.conftest import changed
 from tests.services.control.page import Page, join
@@ -49,7 +49,7 @@ class Met:
 
 @asynccontextmanager
 async def met(caller, timed, model_file: Path) -> AsyncIterator[Met]:
-    model = import_model(timed, model_file, "house", "Ada")
+    model = seeds.imported(timed, model_file, "house", "Ada")
     body = {"name": "Monday", "model_ids": [model.id]}
     meeting_id = (await caller.post("/v1/meetings", json=body)).json()["id"]
     neighbours = header(timed, "neighbours")

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from fastapi import FastAPI
 
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
+from tests.services import seeds
 from tests.services.jobs.homes import parent_of
 from tests.services.jobs.waiting import until
 from tests.services.live.rendering.watching import is_gone
@@ -43,7 +43,7 @@ async def meeting(
     caller: httpx.AsyncClient, services: Services, model_file: Path
 ) -> tuple[str, dict[str, str]]:
     """Its id, and the header of one who has joined."""
-    model = import_model(services, model_file, "house", "Ada")
+    model = seeds.imported(services, model_file, "house", "Ada")
     body = {"name": "Monday", "model_ids": [model.id]}
     opened = (await caller.post("/v1/meetings", json=body)).json()
     joined = await caller.post(f"/v1/meetings/{opened['id']}/join", json={"display_name": "Bo"})
