@@ -7,6 +7,7 @@ Whatever asks for one of these fixtures, or for `POSTGRESQL` of `DATABASES`, is 
 from __future__ import annotations
 
 import os
+import shutil
 import socket
 import subprocess
 import time
@@ -88,6 +89,16 @@ def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     database.migrate()
     database.close()
     return path
+
+
+def make_schema(database: Database, template: Path) -> None:
+    """Have an empty database at the newest schema; `template` is a migrated file."""
+    if database.engine.dialect.name == "sqlite":
+        path = Path(str(database.engine.url.database))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(template, path)
+    else:
+        database.migrate()
 
 
 @pytest.fixture

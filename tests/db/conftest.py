@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import pytest
 
 from db.objects import ObstoreObjects, open_objects
 from db.unit_of_work import Database
-from tests.servers import DATABASES, fresh_database
+from tests.servers import DATABASES, fresh_database, make_schema
 
 
 @pytest.fixture(params=DATABASES)
@@ -22,10 +21,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 @pytest.fixture
 def database(url: str, empty_database: Path) -> Iterator[Database]:
     made = Database(url)
-    if url.startswith("sqlite"):
-        shutil.copy(empty_database, url.removeprefix("sqlite:///"))
-    else:
-        made.migrate()
+    make_schema(made, empty_database)
     yield made
     made.close()
 

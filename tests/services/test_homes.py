@@ -20,7 +20,7 @@ from services.errors import Draining, LivesElsewhere, ServerFull
 from services.homes import LEASE_S, NOWHERE, Homes, least_loaded_of_two
 from services.settings import Settings
 from tests.fakes import Clock
-from tests.servers import DATABASES, fresh_database
+from tests.servers import DATABASES, fresh_database, make_schema
 from tests.services.conftest import changed
 
 ONE, TWO, THREE = (f"https://{name}.example" for name in ("one", "two", "three"))
@@ -33,11 +33,15 @@ def clock() -> Clock:
 
 @pytest.fixture(params=DATABASES)
 def shared(
-    request: pytest.FixtureRequest, settings: Settings, clock: Clock, tmp_path: Path
+    request: pytest.FixtureRequest,
+    settings: Settings,
+    clock: Clock,
+    tmp_path: Path,
+    empty_database: Path,
 ) -> Iterator[Services]:
     with fresh_database(request.param, tmp_path) as url:
         made = build_services(changed(settings, database_url=url), clock=clock)
-        made.database.migrate()
+        make_schema(made.database, empty_database)
         yield made
         made.close()
 

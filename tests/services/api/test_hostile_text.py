@@ -2,34 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 
 import httpx
 import pytest
 from pydantic import ValidationError
 
-from services.app import create_app
 from services.composition import build_services
+from services.container import Services
 from services.control.messages import TO_SERVER
-from services.settings import Settings
-from tests.servers import DATABASES, fresh_database
-from tests.services.conftest import bearer, changed
+from services.settings import load_settings
+from tests.servers import DATABASES, fresh_database, make_schema
+from tests.services.conftest import SECRET, calling
 
 
-@pytest.fixture(params=DATABASES)
-async def caller(
-    request: pytest.FixtureRequest, settings: Settings, tmp_path: Path
-) -> AsyncIterator[httpx.AsyncClient]:
-    with fresh_database(request.param, tmp_path) as url:
-        services = build_services(changed(settings, database_url=url))
-        services.database.migrate()
-        transport = httpx.ASGITransport(create_app(services), raise_app_exceptions=False)
-        async with httpx.AsyncClient(
-            transport=transport, base_url="http://test", headers=bearer(services)
-        ) as made:
-            yield made
-        services.close()
+@pytest.fixture(params=DATABASES, scope="module")
+def services(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, empty_database: Path
+) -> Iterator[Services]:
+    """For all tests of one kind: what one leaves is nothing to the next."""
+    folder = tmp_path_factory.mktemp("hostile")
+    with fresh_database(request.param, folder) as url:
+        made = build_services(
+            load_settings(
+                data_dir=folder / "data",
+                database_url=url,
+                jwt_secret=SECRET,
+                open_access=True,
+                embedded_worker=False,
+            )
+        )
+        make_schema(made.database, empty_database)
+        yield made
+        made.close()
+
+
+@pytest.fixture
+async def caller(services: Services) -> AsyncIterator[httpx.AsyncClient]:
+    async with calling(services) as made:
+        yield made
 
 
 @pytest.mark.parametrize("text", ["a\\u0000b", "\\u0000", "\\ud800", "\\u202e", "x" * 10_000])
