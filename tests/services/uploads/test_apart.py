@@ -81,9 +81,9 @@ def test_a_crash_is_told_and_harms_nobody(instead, clip: Path, script: str, told
     [
         # both for ever
         ("while :; do echo words; done", "more than there is to say"),
-        ("while :; do echo words >&2; done", "no end after 2 s"),
+        ("while :; do echo words >&2; done", "no end after 1 s"),
         # somebody else holds its pipes, and goes on
-        ("sleep 30 & exit 0", "no end after 2 s"),
+        ("sleep 30 & exit 0", "no end after 1 s"),
         ("sleep 30 >&2 & echo nothing", "an answer that is none"),
         ("echo '[]'", "an answer that is none"),
         ("""echo '{"kind": "film"}'""", "an answer that is none"),
@@ -93,7 +93,7 @@ def test_a_crash_is_told_and_harms_nobody(instead, clip: Path, script: str, told
 def test_whatever_it_prints_is_bounded_and_ends(
     instead, clip: Path, monkeypatch: pytest.MonkeyPatch, script: str, told: str
 ):
-    monkeypatch.setattr("services.uploads.apart.LOOK_S", 2.0)
+    monkeypatch.setattr("services.uploads.apart.LOOK_S", 1.0)
     instead(script)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(UnreadableClip, match=f"got {told} while it was looked at"):
@@ -231,7 +231,7 @@ def test_pictures_that_are_bombs_cost_the_server_nothing():
     # one says it has a gigapixel, one has as many as are taken, and of one the bytes go on
     declared = png(60_000, 30_000, bytes(6_000_000))
     square = png(8192, 8192, bytes(8192 * 8193))
-    endless = png(64, 32, bytes(1 << 28))
+    endless = png(64, 32, bytes(1 << 26))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for picture, said in ((declared, "picture"), (square, "as wide as high")):
         assert len(picture) < 300_000
