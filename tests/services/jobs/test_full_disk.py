@@ -58,17 +58,17 @@ def _waits(caller: httpx.Client, job_id: str) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("disk", "room_bytes"),
+    ("disk", "rooms_bytes"),
     [
-        ("scratch", 20_000),  # not even the stored sequence fits
-        ("scratch", 400_000),  # training begins, its files don't fit
-        ("objects", 0),  # trained, but there is nowhere to keep the model
-        ("", 150_000),  # database, objects and scratch share one disk
+        # not even the stored sequence fits; training begins, its files don't fit
+        ("scratch", [20_000, 400_000]),
+        ("objects", [0]),  # trained, but there is nowhere to keep the model
+        ("", [150_000]),  # database, objects and scratch share one disk
     ],
     indirect=["disk"],
 )
 def test_a_training_says_what_is_full_and_goes_on_by_itself(
-    working: Settings, disk: TinyDisk, sequence_folder: Path, room_bytes: int
+    working: Settings, disk: TinyDisk, sequence_folder: Path, rooms_bytes: list[int]
 ):
     services = build_services(working)
     services.database.migrate()
@@ -76,11 +76,16 @@ def test_a_training_says_what_is_full_and_goes_on_by_itself(
     services.close()
     before = set(stored_files(working))
     with serving(working) as caller:
-        disk.leave(room_bytes)
-        answer = caller.post(f"/v1/sequences/{sequence.id}/models", json={"budget_s": 1.0})
+        disk.leave(rooms_bytes[0])
+        answer = caller.post(f"/v1/sequences/{sequence.id}/models", json={"budget_s": 0.2})
         job_id = answer.json()["id"]
         _waits(caller, job_id)
         assert set(stored_files(working)) == before
+        for room_bytes in rooms_bytes[1:]:
+            disk.leave(room_bytes)
+            assert caller.post(f"/v1/jobs/{job_id}/resume").status_code == 202
+            _waits(caller, job_id)
+            assert set(stored_files(working)) == before
         disk.resize(PLENTY)
         mended = _end(caller, job_id)
         assert (mended["state"], mended["error"]) == ("succeeded", None)
@@ -109,8 +114,14 @@ def test_a_capture_keeps_the_clip_and_is_tried_at_once_on_request(
         path = f"/v1/people/{uploaded['person_id']}/sequences"
         known = caller.post(path, files={"file": ("frames.zip", clip)}).json()
         assert (known["id"], known["job_id"]) == (uploaded["id"], job_id)
-        assert _end(caller, job_id)["state"] == "succeeded"
-        assert caller.get(f"/v1/sequences/{uploaded['id']}").json()["state"] == "ready"
+        job = job_when(
+            caller,
+            job_id,
+            lambda job: job["state"] == "running" and job["message"] != "starting",
+            "capturing again",
+        )
+        assert (job["error"], job["retry_at"]) == (None, None)
+        assert caller.get(f"/v1/sequences/{uploaded['id']}").json()["state"] == "capturing"
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
