@@ -70,7 +70,7 @@ async def until(fits: Callable[[], bool], what: str) -> None:
 
 
 async def test_a_room_is_drawn_as_here_and_one_that_cannot_be_disturbs_nobody(make_pool: MakePool):
-    pool, room = make_pool(viewers_each=3), a_room()
+    pool, room = make_pool(viewers_each=3, idle_s=1.0), a_room()
     ada, ben = Watcher(pool, room), Watcher(pool, room)
     assert ada.slot is ben.slot
     shown = await ada.shown()
@@ -94,6 +94,11 @@ async def test_a_room_is_drawn_as_here_and_one_that_cannot_be_disturbs_nobody(ma
             break
     else:
         raise AssertionError("who came is not seen")
+    process = await process_of(ada.slot)
+    for one in (ada, ben, broken):
+        one.pictures.close()
+    await until(lambda: len(pool) == 0, "the end of all")
+    await until(lambda: is_gone(process), "the end of its process")
 
 
 async def test_who_is_killed_is_replaced_by_who_waited_and_pictures_begin_anew(
@@ -118,7 +123,9 @@ async def test_who_is_killed_is_replaced_by_who_waited_and_pictures_begin_anew(
     assert not (await ada.packet()).is_keyframe
 
 
+@pytest.mark.parametrize("make_pool", ["processes"], indirect=True)
 async def test_the_full_refuse_newcomers_and_with_nobody_left_nothing_is(make_pool: MakePool):
+    """The pool's own rules, whatever the home."""
     pool, room = make_pool(viewers_each=1, idle_s=1.0), a_room()
     ada = Watcher(pool, room)
     with pytest.raises(ServerFull, match="at most 1 renderers draw here, each for 1 viewers"):
