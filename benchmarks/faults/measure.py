@@ -151,7 +151,13 @@ def run(writer: FigureWriter, *, quick: bool = False) -> None:
 
 def strike_all(faults: Sequence[Fault], *, deployed: bool) -> list[dict[str, Any]]:
     """What became of everything at each of `faults`, in one service."""
-    with tempfile.TemporaryDirectory() as folder, a_house(deployed=deployed) as house:
+    with a_house(deployed=deployed) as house:
+        return strike_in(house, faults)
+
+
+def strike_in(house: House, faults: Sequence[Fault]) -> list[dict[str, Any]]:
+    """What became of everything in `house` at each of `faults`."""
+    with tempfile.TemporaryDirectory() as folder:
         film = Film.stored(house, Path(folder) / "film")
         ledger = Ledger(house)
         plan = house.host.plan(MEETINGS, PEOPLE)
