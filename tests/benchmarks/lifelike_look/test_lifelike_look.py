@@ -20,7 +20,7 @@ from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
 from renderer.training import train
 from scene.skeleton import JOINT_NAMES, Skeleton
 from services.joining.finder import PersonFinder
-from tests.benchmarks.real.test_measure import networks
+from tests.benchmarks.real.quick import networks
 from tests.shared_data import shared_data
 
 

@@ -21,7 +21,7 @@ BLOCK = 96
 
 def test_what_a_recording_keeps_of_voice_and_jaw_belongs_together():
     with talk_in_a_meeting(0.0) as talk:
-        recording = loaded(talk, recorded(talk, 6.0))
+        recording = loaded(talk, recorded(talk, 4.0))
     samples = np.abs(mix(recording.voices, recording.duration_s))
     peaks = samples[: len(samples) // BLOCK * BLOCK].reshape(-1, BLOCK).max(axis=1)
     ((moments_ms, poses),) = recording.motions.values()

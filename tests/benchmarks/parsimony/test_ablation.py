@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import capture.pipeline
+from benchmarks.lifelike_look import performances
 from benchmarks.pages.ablation import ablation
+from benchmarks.parsimony import costs
 from benchmarks.parsimony.ablation import run
 from benchmarks.parsimony.measure import measured, worth
 from benchmarks.parsimony.parts import PARTS, WHOLE
@@ -100,7 +102,9 @@ def test_a_camera_drifts_by_so_many_stops(tmp_path):
     assert drifting(0.0) == ()
 
 
-def test_sides_are_judged_where_the_camera_was_not(tmp_path, outside):
+def test_sides_are_judged_where_the_camera_was_not(tmp_path, outside, monkeypatch):
+    monkeypatch.setattr(performances, "SECONDS", 0.6)
+    monkeypatch.setattr(costs, "_VIEW_PX", 128)
     filmed = FilmedFromFront("hazel", size=64, frames=12)(tmp_path / "hazel", outside)
     yaw = filmed.clip.motion.joint_angles[:, JOINT_NAMES.index("pelvis"), 1]
     assert np.degrees(np.ptp(yaw)) == pytest.approx(30.0, abs=1.0)

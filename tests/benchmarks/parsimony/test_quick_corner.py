@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.pages.parsimony import parsimony
+from benchmarks.parsimony import costs
 from benchmarks.parsimony.measure import run
 from benchmarks.parsimony.rungs import QUICK
 from benchmarks.parsimony.subjects import OutsideData
@@ -37,7 +38,9 @@ def measured(root: Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def figures(root: Path) -> dict[str, Any]:
-    return measured(root)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(costs, "_VIEW_PX", 128)
+        return measured(root)
 
 
 @pytest.fixture
