@@ -30,7 +30,7 @@ _AWAY_S = 5.0
 """Before what does not start by itself is mended."""
 _DRAINED_S = 60.0
 _COMPILED_S = 600.0
-_SETTLED_S = 2.0
+SETTLED_S = 2.0
 _WARM = r'metanerf_renderers\{state="warm"\}'
 """The figure of renderers that wait, as `metric` looks for it."""
 _MOVING_S = 60.0
@@ -196,7 +196,7 @@ def _struck(
     crowd.wait()
     moving_s = time.monotonic() - began
     ended = work.end()
-    time.sleep(_SETTLED_S)
+    time.sleep(SETTLED_S)
     seen = crowd.collect()
     gaps_s = seen.longest_gaps_s if eyes is None else [eyes.collect()]
     row = {

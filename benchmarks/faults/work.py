@@ -25,7 +25,7 @@ from capture.upload import upload
 BUDGET_S = 6.0
 """Of each training."""
 _PICTURES, _PICTURE_PX = 24, 256
-_PIECE_PAUSE_S = 1.0
+PIECE_PAUSE_S = 1.0
 """After each piece, so that an upload goes on for some seconds."""
 _AGAIN_S = 1.0
 _AT_WORST_S = 600.0
@@ -121,7 +121,7 @@ class Work:
         """Return once the training has learnt something, and a part of the upload has come."""
         self._until(lambda job: job["progress"] > 0.1)
         self._uploading.start()
-        time.sleep(2.0 * _PIECE_PAUSE_S)
+        time.sleep(2.0 * PIECE_PAUSE_S)
 
     def end(self) -> dict[str, Any]:
         """Wait for both ends: how the job ended, its model's quality, and what was kept."""
@@ -166,7 +166,7 @@ class Work:
                         self._house.host.address,
                         self._film.person_id,
                         self._house.host.token,
-                        on_progress=lambda *_: time.sleep(_PIECE_PAUSE_S),
+                        on_progress=lambda *_: time.sleep(PIECE_PAUSE_S),
                     )
                     assert found["sha256"] == wanted
                     self._sequence = found

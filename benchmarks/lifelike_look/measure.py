@@ -53,7 +53,7 @@ MUST, AIM = {10.0: 0.6, 20.0: 0.7, 40.0: 0.85}, {10.0: 0.3, 20.0: 0.4, 40.0: 0.6
 """LPIPS as a share of that without live look, by degrees beside the webcam."""
 MUST_BEHIND, MUST_FLICKER = 1.0, 1.2
 """The same from beyond 75 degrees; flicker as a share of that of the model in the same pose."""
-_FIRST, _EVERY = 8, 5
+FIRST, _EVERY = 8, 5
 """Pictures before the first that is judged, and from one to the next."""
 
 
@@ -122,7 +122,7 @@ def played(
         begun = time.perf_counter()
         pose, appearance = look.see(seen.picture)
         milliseconds.append(1e3 * (time.perf_counter() - begun))
-        if count >= _FIRST and (count - _FIRST) % _EVERY < 2:
+        if count >= FIRST and (count - FIRST) % _EVERY < 2:
             solved = seen.picture.pose
             yield LookedAt(performance, seen.number, seen.camera, solved, pose, appearance)
 

@@ -24,7 +24,7 @@ from benchmarks.reporting.figures import FigureWriter
 
 HOLDS_MS, HOLDS_LOST, HOLDS_RATE = 50.0, 0.01, 0.75 * RATE_HZ
 GOAL_MEETINGS, GOAL_PEOPLE = 15, 4
-_SETTLING_S = 4.0
+SETTLING_S = 4.0
 _SAMPLE_S = 5.0
 """Between two looks at the server's memory."""
 _LATE_MEETINGS = 2
@@ -50,7 +50,7 @@ def measured(host: Host, meetings: int, people: int, seconds: float, processes: 
     began = time.monotonic()
     with gathered(host.plan(meetings, people), processes) as crowd:
         gathered_s = time.monotonic() - began
-        time.sleep(_SETTLING_S)
+        time.sleep(SETTLING_S)
         row = {
             "meetings": meetings,
             "people": people,
@@ -98,7 +98,7 @@ def overload(host: Host, meetings: int, people: int, effort: LoadEffort) -> dict
     """What those inside see of others who find no place, on a server with as many places as
     `meetings` of `people` take."""
     with gathered(host.plan(meetings, people), effort.processes) as inside:
-        time.sleep(_SETTLING_S)
+        time.sleep(SETTLING_S)
         before = _watched(host, inside, effort.seconds)
         with gathered(host.plan(_LATE_MEETINGS, people), 1, wait=False) as outside:
             answers = _first_answers(outside, _LATE_MEETINGS * people)
@@ -132,7 +132,7 @@ def memory(host: Host, meetings: int, people: int, effort: LoadEffort) -> dict[s
     """How the server's memory grows while `meetings` go on, MiB a minute."""
     times_s, resident_mib = [], []
     with gathered(host.plan(meetings, people), effort.processes) as crowd:
-        time.sleep(_SETTLING_S)
+        time.sleep(SETTLING_S)
         began = time.monotonic()
         while time.monotonic() - began < effort.memory_s:
             usage = host.usage()

@@ -15,7 +15,7 @@ from renderer.model_files import save_model
 from renderer.performer_model import PerformerModel
 from scene.camera import orbit_camera
 
-_VIEW_PX = 512
+VIEW_PX = 512
 
 
 def costs(model: PerformerModel, clock: Clock, views: int = 12) -> dict[str, float]:
@@ -46,7 +46,7 @@ def _milliseconds(model: PerformerModel, clock: Clock, views: int) -> dict[str, 
         pose = model.motion.pose(view * (len(model.motion) - 1) // views)
         height_m = pose.root_translation[1]
         eye_level = (0.0, 0.55 * skeleton.height_m + height_m, 0.0)
-        camera = orbit_camera(eye_level, 2.0 * skeleton.height_m, view, 0.1, _VIEW_PX, _VIEW_PX)
+        camera = orbit_camera(eye_level, 2.0 * skeleton.height_m, view, 0.1, VIEW_PX, VIEW_PX)
         upright = replace(pose, root_translation=np.array([0.0, height_m, 0.0]))
         begun = clock.now()
         draw(camera, upright)

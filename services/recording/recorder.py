@@ -38,7 +38,7 @@ from services.recording.voice_times import VoiceTimes
 log = logging.getLogger(__name__)
 
 POSES_PER_SECOND = 30
-_CHUNK_MS = 5000
+CHUNK_MS = 5000
 _VOICE_LATER_MS = 85
 """Motion is kept later than it was made, by what finding it in a picture, sending, solving and
 keeping it take; so is the voice that belongs to it (`metanerf bench lipsync`)."""
@@ -180,7 +180,7 @@ class Recorders:
         while True:
             for performer_id, packet in self._poses(meeting_id):
                 self._add(active, f"motion:{performer_id}", performer_id, packet)
-            if self._now_ms(active) - flushed_ms >= _CHUNK_MS:
+            if self._now_ms(active) - flushed_ms >= CHUNK_MS:
                 flushed_ms = self._now_ms(active)
                 if not await self._flush(active):
                     self._active.pop(meeting_id, None)

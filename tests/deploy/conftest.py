@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from tests.services.conftest import empty_database as empty_database
 from tests.services.conftest import model_file as model_file
 from tests.services.conftest import sequence_folder as sequence_folder
 from tests.services.conftest import services as services

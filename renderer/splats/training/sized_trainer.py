@@ -34,11 +34,11 @@ _LADDER = 2.0**-0.5
 """Each number that may be tried is so many times the one before."""
 _LEAST = 500
 """Splats at least."""
-_REFIT_SHARE, _REFIT_STEPS = 0.05, (50, 200)
+_REFIT_SHARE, REFIT_STEPS = 0.05, (50, 200)
 """Steps of training before a number is judged, as a share of those before, and their limits."""
 _WIDEST_M = 0.02
 """Most deviation of a merged splat: wider ones show as a halo beside the body."""
-_FRAMES, _VIEWS = 16, 24
+WATCHED, _VIEWS = 16, 24
 """Frames that are looked at at most, and views all round in which a splat's light is."""
 _LEAST_LIGHT_PX = 1e-3
 _LOOKED_AT, _LOOKED_AT_MORE = [KINDS.index("face"), KINDS.index("hands")], 3.0
@@ -101,7 +101,7 @@ class SizedTrainer:
     def _choose(self, fraction: float) -> dict[str, Any]:
         """Merge; returns the report, which is empty where it was told to leave off."""
         trainer = self._trainer
-        some = np.linspace(0, trainer.frames - 1, min(trainer.frames, _FRAMES)).astype(int)
+        some = np.linspace(0, trainer.frames - 1, min(trainer.frames, WATCHED)).astype(int)
         watched = WatchedFrames(trainer, tuple(some.tolist()))
         count = len(trainer.splats)
         if isinstance(self._size, int):
@@ -124,7 +124,7 @@ class SizedTrainer:
 
     @property
     def _refit_steps(self) -> int:
-        return int(np.clip(_REFIT_SHARE * self._steps, *_REFIT_STEPS))
+        return int(np.clip(_REFIT_SHARE * self._steps, *REFIT_STEPS))
 
     def _bisect(
         self, ladder: list[Grouping | None], watched: WatchedFrames, fraction: float

@@ -30,8 +30,8 @@ def house() -> Iterator[House]:
 
 def test_what_is_killed_loses_nothing_and_comes_back(house: House, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(work, "BUDGET_S", 3.0)
-    monkeypatch.setattr(work, "_PIECE_PAUSE_S", 0.5)
-    monkeypatch.setattr(measure, "_SETTLED_S", 0.5)
+    monkeypatch.setattr(work, "PIECE_PAUSE_S", 0.5)
+    monkeypatch.setattr(measure, "SETTLED_S", 0.5)
     rows = strike_in(house, [one for one in FAULTS if one.name in KILLED])
     assert [row["fault"] for row in rows] == list(KILLED)
     for row in rows:

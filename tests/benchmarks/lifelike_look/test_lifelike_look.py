@@ -80,7 +80,7 @@ def test_figures_of_each_side_come_of_what_the_webcam_sends(performer, tmp_path,
     monkeypatch.setattr(shown, "SIZE_PX", 96)
     monkeypatch.setattr(shown, "WEBCAM_PX", (320, 240))
     monkeypatch.setattr(shown, "SECONDS", 0.5)
-    monkeypatch.setattr(measure, "_FIRST", 3)
+    monkeypatch.setattr(measure, "FIRST", 3)
     monkeypatch.setattr(measure, "BESIDE_DEG", (0.0, 20.0))
     monkeypatch.setattr(measure, "BEHIND_DEG", (180.0,))
     model = train(

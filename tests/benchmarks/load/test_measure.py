@@ -22,7 +22,7 @@ from tests.e2e.serving import serving
 @pytest.fixture
 def soon_settled(monkeypatch: pytest.MonkeyPatch) -> None:
     """So few people need less time until all comes regularly."""
-    monkeypatch.setattr(measure, "_SETTLING_S", 1.0)
+    monkeypatch.setattr(measure, "SETTLING_S", 1.0)
 
 
 @pytest.mark.e2e  # nothing else may run beside it: it counts what came too late

@@ -104,7 +104,7 @@ def test_a_camera_drifts_by_so_many_stops(tmp_path):
 
 def test_sides_are_judged_where_the_camera_was_not(tmp_path, outside, monkeypatch):
     monkeypatch.setattr(performances, "SECONDS", 0.6)
-    monkeypatch.setattr(costs, "_VIEW_PX", 128)
+    monkeypatch.setattr(costs, "VIEW_PX", 128)
     filmed = FilmedFromFront("hazel", size=64, frames=12)(tmp_path / "hazel", outside)
     yaw = filmed.clip.motion.joint_angles[:, JOINT_NAMES.index("pelvis"), 1]
     assert np.degrees(np.ptp(yaw)) == pytest.approx(30.0, abs=1.0)

@@ -71,7 +71,7 @@ def test_a_rung_that_takes_another_way_through_training_can_be_trained(name: str
 
 
 def test_a_coarser_grid_is_smaller(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(costs, "_VIEW_PX", 64)
+    monkeypatch.setattr(costs, "VIEW_PX", 64)
     filmed = Filmed(make_sequence(), lambda model: {"body_psnr": float(len(model.motion))})
     fine, coarse = (
         measured_field(rung, 0, 2, filmed, clock_named("processor"))

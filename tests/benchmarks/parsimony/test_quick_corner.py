@@ -39,7 +39,7 @@ def measured(root: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def figures(root: Path) -> dict[str, Any]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(costs, "_VIEW_PX", 128)
+        patch.setattr(costs, "VIEW_PX", 128)
         return measured(root)
 
 

@@ -63,8 +63,8 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
         assert len(numbers) == TRAINED
         with pytest.MonkeyPatch.context() as patch:
             # nine tenths of such a short training would go into the choice of splats
-            patch.setattr(sized_trainer, "_FRAMES", 2)
-            patch.setattr(sized_trainer, "_REFIT_STEPS", (10, 10))
+            patch.setattr(sized_trainer, "WATCHED", 2)
+            patch.setattr(sized_trainer, "REFIT_STEPS", (10, 10))
             return trained_model(part, STEPS)
 
     return Once(footage, clips, model)

@@ -12,4 +12,4 @@ from tests.services.control.conftest import timed as timed
 @pytest.fixture(autouse=True)
 def shorter_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Most tests wait for a first chunk, while everything is drawn at thirty pictures a second."""
-    monkeypatch.setattr("services.recording.recorder._CHUNK_MS", 2000)
+    monkeypatch.setattr("services.recording.recorder.CHUNK_MS", 2000)
