@@ -55,7 +55,8 @@ def live_look(figures: Figures) -> str:
         parts += _lifelike(figures["lifelike"])
     if "learning" in figures:
         parts += _learning(figures["learning"])
-    return "\n\n".join([*parts, measured_at(figures)])
+    cases = [*figures["cases"].values()]  # may have been measured at commits of their own
+    return "\n\n".join([*parts, measured_at({**figures, "rows": cases})])
 
 
 def _lifelike(figures: Figures) -> list[str]:
