@@ -60,6 +60,7 @@ def _bytes(objects: ObstoreObjects) -> dict[str, bytes]:
         ("sqlite", "sqlite"),
         pytest.param("sqlite", "postgresql", marks=pytest.mark.server),
         pytest.param("postgresql", "sqlite", marks=pytest.mark.server),
+        pytest.param("postgresql", "postgresql", marks=pytest.mark.server),
     ],
 )
 def test_everything_comes_back_on_either_engine(
