@@ -6,9 +6,8 @@ what fits the flow best: one step of Gauss-Newton towards the most probable pose
 as the prior's mean. What a step finds is kept for the next picture, in which somebody is a little
 further on, and wrong in much the same way.
 
-Flow is believed along gradients of the picture alone, by its structure tensor (Foerstner and
-Guelch 1987): over plain cloth it is smoothed in from elsewhere, and light that the clip did not
-have moves it.
+Flow is believed along gradients of the picture alone, by its structure tensor: over plain cloth it
+is smoothed in from elsewhere, and light that the clip did not have moves it.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from scene.arrays import Array, Float, Int, UInt8
 from scene.camera import Camera
 from scene.motion import Pose
+from scene.structure_tensor import structure_tensor
 
 _PIXELS = 600
 """Pixels that a step looks at."""
@@ -99,10 +99,8 @@ class FlowAligner:
         )
         drawn = np.empty((camera.height, camera.width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
-        flow, cut_out = (
-            np.zeros((camera.height, camera.width, 2), np.float32),
-            _cut_out_luma(picture),
-        )
+        flow = np.zeros((camera.height, camera.width, 2), np.float32)
+        cut_out = _cut_out_luma(picture)
         flow = self._flow.calc(_luma(drawn[..., :3]), cut_out, flow)
         rows, columns, front = self._sampled(drawn[..., 3])
         at = rows, columns
@@ -153,14 +151,7 @@ def structure(
 ) -> Float[Array, "M 2 2"]:
     """How well a movement of pixels can be seen, by direction (x, y): 1 along a strong gradient, 0
     where `luma` is plain."""
-    import cv2
-
-    # a Sobel filter's weights come to 8
-    dx, dy = (cv2.Sobel(luma, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1)))
-    xx, xy, yy = (
-        cv2.GaussianBlur(product, (0, 0), _BLUR_PX)[rows, columns].astype(float)
-        for product in (dx * dx, dx * dy, dy * dy)
-    )
+    xx, xy, yy = (of[rows, columns].astype(float) for of in structure_tensor(luma, _BLUR_PX))
     tensors = np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
     return tensors / (xx + yy + _NOISE**2)[:, None, None]
 

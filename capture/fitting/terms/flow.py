@@ -29,6 +29,7 @@ from capture.fitting.term import Term
 from capture.fitting.terms.flow_kernels import motion_energy, nearest_motion
 from capture.fitting.window import Window, window_around
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
+from scene.structure_tensor import structure_tensor
 
 _STRIDES = (1, 3)
 """Frames between the two pictures of a pair: near ones move little, far ones drift less."""
@@ -343,16 +344,12 @@ def _initial_flow(shape: tuple[int, ...], start: Array, end: Array, visible: Arr
 
 
 def certainty(grey: UInt8[Array, "h w"]) -> Float[Array, "h w 3"]:
-    """xx, xy and yy of S (S + n 1)^-1, with S the structure tensor (Foerstner & Guelch 1987) and n
-    what noise makes of it.
+    """xx, xy and yy of S (S + n 1)^-1, with S the structure tensor and n what noise makes of it.
 
     Nearly the unit matrix with texture, zero without; at an edge, the motion across it is known
     and the motion along it is not.
     """
-    x, y = (cv2.Sobel(grey, cv2.CV_32F, 1 - down, down, scale=0.125) for down in (0, 1))
-    xx, xy, yy = (
-        cv2.GaussianBlur(product, (0, 0), _TEXTURE_PX) for product in (x * x, x * y, y * y)
-    )
+    xx, xy, yy = structure_tensor(grey, _TEXTURE_PX)
     xx, yy, noise = xx + _NOISE**2, yy + _NOISE**2, _NOISE**2
     share = noise / (xx * yy - xy * xy)
     return np.stack([1.0 - share * yy, share * xy, 1.0 - share * xx], axis=-1).astype(np.float16)
