@@ -55,8 +55,7 @@ def live_look(figures: Figures) -> str:
         parts += _lifelike(figures["lifelike"])
     if "learning" in figures:
         parts += _learning(figures["learning"])
-    cases = [*figures["cases"].values()]  # may have been measured at commits of their own
-    return "\n\n".join([*parts, measured_at({**figures, "rows": cases})])
+    return "\n\n".join([*parts, measured_at(figures)])
 
 
 def _lifelike(figures: Figures) -> list[str]:

@@ -7,8 +7,8 @@ from typing import Any
 
 Figures = dict[str, Any]
 """What a file of docs/figures holds."""
-_ROWS = ("rows", "accuracy", "speed", "steps")
-"""Lists whose rows may have been measured at commits of their own."""
+_ROWS = ("rows", "accuracy", "speed", "steps", "cases")
+"""Lists, or tables by name, whose rows may have been measured at commits of their own."""
 CHANGED = "\\*"
 """Marks a commit whose tree had changes that no commit holds."""
 
@@ -31,7 +31,8 @@ def short_origin(figures: Figures) -> str:
 
 
 def _origins(figures: Figures) -> Iterator[Figures]:
-    lists = [figures.get(name, ()) for name in _ROWS]
+    found = [figures.get(name, ()) for name in _ROWS]
+    lists = [[*rows.values()] if isinstance(rows, dict) else rows for rows in found]
     told = [row for rows in lists for row in rows if "commit" in row]
     yield from told
     # rows beside them that tell nothing are of the file's own commit
