@@ -6,15 +6,14 @@ import hashlib
 import io
 import subprocess
 import sys
-import tempfile
 import zipfile
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import av
 import cv2
 import numpy as np
+import pytest
 
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -29,12 +28,12 @@ from db.models import (
     SequenceState,
     new_id,
 )
-from renderer.model_files import load_model
 from renderer.performer_model import PerformerModel
+from services import bootstrap
 from services.container import Services
 from services.jobs.packing import pack
 from services.jobs.queue import enqueue
-from services.person_models import store_files, write_files
+from services.person_models import write_files
 from tests.shared_data import shared_data
 
 
@@ -100,54 +99,24 @@ def captured(services: Services, folder: Path, account: str = "house") -> Sequen
     return sequence
 
 
-@dataclass(frozen=True)
-class _HandedOut:
-    """A model, and the bytes of every file by which it is handed out."""
-
-    model: PerformerModel
-    files: dict[str, bytes]
-
-
-_HANDED_OUT: dict[str, _HandedOut] = {}
-"""By the sha256 of the weights."""
-
-
-def _handed_out(path: Path) -> _HandedOut:
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    if digest not in _HANDED_OUT:
-        model = load_model(path)
-        with tempfile.TemporaryDirectory() as folder:
-            files = {one.name: one.read_bytes() for one in write_files(model, Path(folder))}
-        _HANDED_OUT[digest] = _HandedOut(model, files)
-    return _HANDED_OUT[digest]
+_WRITTEN: dict[str, dict[str, bytes]] = {}
+"""The files by which a model is handed out, by the sha256 of the file that it came in."""
 
 
 def imported(services: Services, path: Path, account: str, name: str) -> ModelRow:
-    """A trained model file as that of a new person, as `services.bootstrap.import_model` does.
+    """As `import_model`, of files that are made once: the viewer's takes half a second."""
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
 
-    The files by which it is handed out are made once: the viewer's takes half a second.
-    """
-    known, now = _handed_out(path), services.clock()
-    person = PersonRow(id=new_id(), account=account, name=name, created_at=now)
-    row = ModelRow(
-        id=new_id(),
-        person_id=person.id,
-        preset=known.model.preset,
-        created_at=now,
-        data_hash=known.model.data_hash,
-        metrics=known.model.metrics,
-    )
-    row.files = store_files(
-        lambda file: services.objects.put(person.id, [known.files[file.name]]),
-        person.id,
-        [Path(one) for one in known.files],
-    )
-    with services.unit_of_work() as unit:
-        unit.people.add(person)
-        unit.flush()
-        unit.models.add(row)
-        unit.commit()
-    return row
+    def written(model: PerformerModel, folder: Path) -> list[Path]:
+        if digest not in _WRITTEN:
+            _WRITTEN[digest] = {one.name: one.read_bytes() for one in write_files(model, folder)}
+        for file, content in _WRITTEN[digest].items():
+            (folder / file).write_bytes(content)
+        return [folder / file for file in _WRITTEN[digest]]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bootstrap, "write_files", written)
+        return bootstrap.import_model(services, path, account, name)
 
 
 def with_clip(services: Services, model: Path, clip: Path, account: str = "house") -> ModelRow:
