@@ -204,9 +204,7 @@ def test_a_node_captures_a_clip(home: Home):
         assert unit.sequences.get(sequence.id).state is SequenceState.READY
 
 
-@pytest.mark.parametrize("home", ["ray"], indirect=True)
 def test_who_went_silent_is_fenced_off_from_whoever_took_over(home: Home, sequence_folder: Path):
-    """By the lease in its row, which no engine knows of."""
     sequence = seeds.captured(home.services, sequence_folder)
     job_id = seeds.queued_training(home.services, sequence, budget_s=2.0)
     with home.worker():

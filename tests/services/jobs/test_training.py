@@ -16,7 +16,7 @@ import pytest
 from services.composition import build_services
 from services.jobs.train_job import round_ends
 from services.settings import Settings
-from tests.servers import POSTGRESQL, fresh_database
+from tests.servers import DATABASES, fresh_database
 from tests.services import seeds
 from tests.services.conftest import changed, serving, stored_files
 from tests.services.jobs.waiting import child_of, job_when, until
@@ -76,9 +76,8 @@ def _follow_to_model(caller: httpx.Client, job_id: str) -> dict:
     return last
 
 
-@pytest.mark.parametrize("working", [POSTGRESQL], indirect=True)
+@pytest.mark.parametrize("working", DATABASES, indirect=True)
 def test_a_training_is_followed_to_its_model(working: Settings, sequence_id: str):
-    """As deployed; on SQLite, where a meeting sees its models."""
     with serving(working) as caller:
         job_id = _start(caller, sequence_id, budget_s=1.0)
         last = _follow_to_model(caller, job_id)

@@ -123,9 +123,7 @@ async def test_who_is_killed_is_replaced_by_who_waited_and_pictures_begin_anew(
     assert not (await ada.packet()).is_keyframe
 
 
-@pytest.mark.parametrize("make_pool", ["processes"], indirect=True)
 async def test_the_full_refuse_newcomers_and_with_nobody_left_nothing_is(make_pool: MakePool):
-    """The pool's own rules, whatever the home."""
     pool, room = make_pool(viewers_each=1, idle_s=1.0), a_room()
     ada = Watcher(pool, room)
     with pytest.raises(ServerFull, match="at most 1 renderers draw here, each for 1 viewers"):
