@@ -76,17 +76,20 @@ def faults_of(page: Page) -> list[str]:
     return faults
 
 
-def processor_seconds() -> float:
-    """Processor seconds so far of every process that this one has started, and theirs."""
+def processor_seconds(told: str = "") -> float:
+    """Processor seconds so far of every process that this one has started, and theirs, whose
+    command line has `told` in it."""
     parents: dict[int, int] = {}
     ticks: dict[int, int] = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = stat.read_text().rpartition(")")[2].split()
+            command = (stat.parent / "cmdline").read_text()
         except OSError:  # it has ended meanwhile
             continue
         pid = int(stat.parent.name)
-        parents[pid], ticks[pid] = int(fields[1]), int(fields[11]) + int(fields[12])
+        parents[pid] = int(fields[1])
+        ticks[pid] = int(fields[11]) + int(fields[12]) if told in command else 0
 
     def started_here(pid: int) -> bool:
         while pid in parents and pid != os.getpid():
