@@ -50,11 +50,13 @@ class Progress:
     loss: float
     preview: Float[Array, "H W 3"] | None
     """sRGB picture of the model as it is now."""
+    choosing: str = ""
+    """What is tried between two steps, where that takes seconds."""
 
     @property
     def message(self) -> str:
         """What is going on in words, and the numbers for those who want them."""
-        return f"learning the looks (step {self.step}, loss {self.loss:.4f})"
+        return self.choosing or f"learning the looks (step {self.step}, loss {self.loss:.4f})"
 
 
 @runtime_checkable
@@ -137,6 +139,10 @@ def train(
             f"either budget_s or iterations must be given; got {budget_s} and {iterations}"
         )
     chosen = find_preset(preset) if isinstance(preset, str) else preset
+
+    def tell(choosing: str) -> None:
+        on_progress(run.progress(choosing))
+
     trainer = _make_trainer(
         chosen,
         sequence,
@@ -147,6 +153,7 @@ def train(
         size=size,
         held_to=held_to,
         should_stop=should_stop,
+        tell=tell,
     )
     run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
@@ -175,6 +182,7 @@ def _make_trainer(
     size: Size,
     held_to: int,
     should_stop: Callable[[], bool],
+    tell: Callable[[str], None],
 ) -> Trainer:
     if lpips_backbone is not None and not preset.trains_on_patches:
         raise TrainingError(
@@ -203,7 +211,7 @@ def _make_trainer(
         return splat_trainer
     from renderer.splats.training.sized_trainer import SizedTrainer
 
-    return SizedTrainer(splat_trainer, size, should_stop)
+    return SizedTrainer(splat_trainer, size, should_stop, tell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +228,7 @@ class _Run:
 
     def __init__(self, trainer: Trainer, preset: str, data_hash: str, seed: int) -> None:
         self.trainer, self.step, self.elapsed_s, self.loss = trainer, 0, 0.0, float("nan")
+        self.fraction = 0.0
         self.rollbacks, self.rollback_s = 0, 0.0
         self._identity = {"preset": preset, "data_hash": data_hash, "seed": seed}
 
@@ -239,13 +248,14 @@ class _Run:
         # two, since the newest may already be corrupt
         snapshots = deque([_Snapshot(self.trainer.state(), self.step, self.elapsed_s)], maxlen=2)
         while True:
-            fraction = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
-            if fraction >= 1.0:
+            share = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
+            self.fraction = min(1.0, share)
+            if share >= 1.0:
                 break
             begun = clock()
-            self.trainer.before_step(fraction)
+            self.trainer.before_step(share)
             started += clock() - begun
-            self.loss = self.trainer.step(fraction)
+            self.loss = self.trainer.step(share)
             self.step += 1
             self.elapsed_s = clock() - started
             if not np.isfinite(self.loss):
@@ -264,7 +274,7 @@ class _Run:
                     self._roll_back(snapshots)
                     continue
                 snapshots.append(_Snapshot(state, self.step, self.elapsed_s))
-                on_progress(self._progress(fraction))
+                on_progress(self.progress())
                 report_due = _next_due(clock() - started, last_check, REPORT_EVERY_S)
             if self.elapsed_s >= save_due:
                 begun = clock() - started
@@ -272,7 +282,7 @@ class _Run:
                 save_due = _next_due(clock() - started, begun, CHECKPOINT_EVERY_S)
         if not _is_finite(self.trainer.state()):
             self.trainer.restore(snapshots[-1].state)
-        on_progress(self._progress(1.0))
+        on_progress(self.progress())
 
     def save(self, path: Path | None) -> None:
         """Write the checkpoint, whole or not at all."""
@@ -331,9 +341,10 @@ class _Run:
         self.trainer.restore(last.state)
         self.trainer.halve_learning_rate()
 
-    def _progress(self, fraction: float) -> Progress:
+    def progress(self, choosing: str = "") -> Progress:
+        """Where it is, with a picture."""
         picture = self.trainer.preview()
-        return Progress(self.step, min(1.0, fraction), self.elapsed_s, self.loss, picture)
+        return Progress(self.step, self.fraction, self.elapsed_s, self.loss, picture, choosing)
 
 
 def _next_due(now_s: float, begun_s: float, least_s: float) -> float:

@@ -6,6 +6,8 @@ type Doing = Pick<EnrolState, "step" | "status" | "fraction" | "message" | "job"
 
 const WAITING = "Waiting for the server";
 const LEARNING = "Training your model";
+const SIZING = "finding how few splats do";
+const SMALLER = "Making your model as small as it can be";
 /** The server's words for a stage, and ours: it speaks of "the person", we speak to them. */
 const WORDS: Readonly<Record<string, string>> = {
   "waiting for a worker": WAITING,
@@ -31,6 +33,6 @@ function activityText(step: EnrolState["step"], queued: boolean, fraction: numbe
   if (step === "upload") return message;
   if (queued) return fraction > 0 ? "Interrupted, resuming soon" : WAITING;
   // how a training counts its steps means nothing to people
-  if (step === "train") return (fraction === 0 && WORDS[message]) || LEARNING;
+  if (step === "train") return (fraction === 0 && WORDS[message]) || (message.startsWith(SIZING) ? SMALLER : LEARNING);
   return WORDS[message] ?? message.charAt(0).toUpperCase() + message.slice(1);
 }

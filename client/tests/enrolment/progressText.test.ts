@@ -24,6 +24,7 @@ describe("progressText", () => {
     ["no steps and losses of a training", { step: "train", message: "learning the looks (step 5, loss 0.1)" }, "Training your model · 40 %"],
     ["none of its first step either", { step: "train", fraction: 0, message: "step 1, loss 0.0940" }, "Training your model · 0 %"],
     ["what a training waits for", { step: "train", fraction: 0, message: "starting" }, "Preparing · 0 %"],
+    ["that a training looks for a smaller model", { step: "train", message: "finding how few splats do (7,071 of 10,000 tried)" }, "Making your model as small as it can be · 40 %"],
     ["the stages of a capture to whom they are about", { message: "finding the person" }, "Detecting you · 40 %"],
     ["nothing of a likeness twice", { message: "a first likeness is ready", modelId: "early" }, "Detecting you more closely · 40 %"],
     ["a stage that it has no words for as it came", { message: "drying the paint" }, "Drying the paint · 40 %"],

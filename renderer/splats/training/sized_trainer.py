@@ -40,6 +40,8 @@ _WIDEST_M = 0.02
 """Most deviation of a merged splat: wider ones show as a halo beside the body."""
 WATCHED, _VIEWS = 16, 24
 """Frames that are looked at at most, and views all round in which a splat's light is."""
+CHOOSING = "finding how few splats do"
+"""What pages know this stage by (client/src/enrolment/progressText.ts)."""
 _LEAST_LIGHT_PX = 1e-3
 _LOOKED_AT, _LOOKED_AT_MORE = [KINDS.index("face"), KINDS.index("hands")], 3.0
 """Whose light counts how much more."""
@@ -49,11 +51,17 @@ class SizedTrainer:
     """A `SplatTrainer` whose splats are merged on the way (a `Trainer`)."""
 
     def __init__(
-        self, trainer: SplatTrainer, size: Size, should_stop: Callable[[], bool] = lambda: False
+        self,
+        trainer: SplatTrainer,
+        size: Size,
+        should_stop: Callable[[], bool] = lambda: False,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
         """`should_stop`: whether to leave off looking for the number, for the training is about to
-        be stopped; it looks anew when the training goes on."""
-        self._trainer, self._size, self._should_stop = trainer, size, should_stop
+        be stopped; it looks anew when the training goes on. `tell`: hears of each number that is
+        tried, which takes seconds."""
+        self._trainer, self._size = trainer, size
+        self._should_stop, self._tell = should_stop, tell
         self._steps, self._report = 0, dict[str, Any]()
         # those of sides and hair come after the choice, beyond any number that was asked for
         trainer.adds_sides = size == "auto"
@@ -135,8 +143,10 @@ class SizedTrainer:
 
         def errors(grouping: Grouping | None) -> Errors:
             trainer.restore(before)
+            count = len(trainer.splats)
             if grouping is not None:
                 trainer.merge(grouping)
+            self._tell(f"{CHOOSING} ({len(trainer.splats):,} of {count:,} tried)")
             for _ in range(self._refit_steps):
                 trainer.learn(_again(fraction))
             return watched.errors()

@@ -51,6 +51,25 @@ def test_a_box_in_three_colours_needs_few_splats_and_says_so():
     json.dumps(report)
 
 
+def test_a_training_tells_of_each_number_that_it_tries():
+    told = []
+    model = train(
+        make_sequence(frames=FRAMES),
+        iterations=100,
+        size="auto",
+        on_progress=told.append,
+        clock=ticking(),
+    )
+    assert isinstance(model, SplatModel)
+    report = model.metrics["size"]
+    tried = [report["of"], *(one["splats"] for one in report["tried"])]
+    choosing = [one for one in told if one.choosing]
+    assert [one.message for one in choosing] == [
+        f"finding how few splats do ({number:,} of {report['of']:,} tried)" for number in tried
+    ]
+    assert all(0.69 < one.fraction < 0.75 and one.preview is not None for one in choosing)
+
+
 def test_a_number_is_not_exceeded_and_nothing_is_tried():
     model = finished(sized(3000))
     assert len(model) == 3000
