@@ -23,6 +23,7 @@ from renderer.splats.training.trained_splats import TrainedSplats
 from renderer.splats.training.views import View
 from scene.arrays import Array, Float, Int
 from scene.camera import Camera
+from scene.rotations import axis_angle_to_matrix
 
 _PREVIEW_PX = 384
 _LIGHT_GREY = np.float32(0.93)
@@ -118,6 +119,17 @@ class FrameDrawing:
         view = self._views[frame]
         self._arrange(frame, view, self._poses.transforms(frame))
         return self._arranged(view)
+
+    def turned(self, frame: int, angle_rad: float) -> Float[Array, "H W 4"]:
+        """The model in `frame`, turned about the upright line through its pelvis: from so far
+        beside. Premultiplied sRGB."""
+        view, transforms = self._views[frame], self._poses.transforms(frame)
+        pelvis = transforms[0] @ np.append(self._poses.skeleton.rest_joints[0], 1.0)
+        turn = np.eye(4)
+        turn[:3, :3] = axis_angle_to_matrix(np.array([0.0, angle_rad, 0.0]))
+        turn[:3, 3] = pelvis[:3] - turn[:3, :3] @ pelvis[:3]
+        self._arrange(frame, view, (turn @ transforms).astype(np.float32))
+        return self._arranged(view)[0]
 
     def difference(self, frame: int) -> Float[Array, "H W 4"]:
         """Between the two of `pictures`."""

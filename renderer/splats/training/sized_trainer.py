@@ -11,7 +11,7 @@ and no better.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -141,7 +141,7 @@ class SizedTrainer:
         tried. None, with all as before, where it was told to leave off."""
         trainer, before = self._trainer, self._trainer.state()
 
-        def errors(grouping: Grouping | None) -> Errors:
+        def errors(grouping: Grouping | None, others: Sequence[Array] = ()) -> Errors:
             trainer.restore(before)
             count = len(trainer.splats)
             if grouping is not None:
@@ -149,16 +149,16 @@ class SizedTrainer:
             self._tell(f"{CHOOSING} ({len(trainer.splats):,} of {count:,} tried)")
             for _ in range(self._refit_steps):
                 trainer.learn(_again(fraction))
-            return watched.errors()
+            return watched.errors(others)
 
-        of_all = errors(None)
+        of_all, from_beside = errors(None), watched.from_beside()
         best, good, bad, tried = trainer.state(), 0, len(ladder), list[dict[str, Any]]()
         while bad - good > 1:
             if self._should_stop():
                 trainer.restore(before)
                 return None
             rung = (good + bad) // 2
-            found = errors(ladder[rung])
+            found = errors(ladder[rung], from_beside)
             good_enough = found.as_good_as(of_all)
             tried.append({"splats": len(trainer.splats), **found.lost(of_all), "good": good_enough})
             if good_enough:
