@@ -42,11 +42,21 @@ def size_words(report: dict[str, Any] | None) -> list[str]:
         return []
     lines = [f"{report['kept']:,} of {report['of']:,} splats kept"]
     for rung in report.get("tried", ()):
-        worse = ", ".join(f"{name} {db:+.2f} dB" for name, db in rung["lost_db"].items())
+        worse = ", ".join(_worse_words(rung))
         verdict = "kept" if rung["splats"] == report["kept"] else "too few"
         verdict = verdict if not rung["good"] or verdict == "kept" else "more than needed"
         lines.append(f"  {rung['splats']:,}: worse by {worse}; {verdict}")
     return lines
+
+
+def _worse_words(rung: dict[str, Any]) -> list[str]:
+    """By how much a number of splats was worse than all; models of earlier versions say less."""
+    decibels = [f"{name} {db:+.2f} dB" for name, db in rung["lost_db"].items()]
+    lpips = [
+        f"{name} {now - of_all:+.4f} LPIPS" for name, (of_all, now) in rung.get("lpips", {}).items()
+    ]
+    apart = [f"{rung['apart']:.3f} LPIPS apart from beside"] if "apart" in rung else []
+    return [*decibels, *lpips, *apart]
 
 
 def _with_spread(figures: dict[str, Any], measure: str, split: str, region: str) -> str:

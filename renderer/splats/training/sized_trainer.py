@@ -160,7 +160,8 @@ class SizedTrainer:
             rung = (good + bad) // 2
             found = errors(ladder[rung], from_beside)
             good_enough = found.as_good_as(of_all)
-            tried.append({"splats": len(trainer.splats), **found.lost(of_all), "good": good_enough})
+            lost = {**found.lost(of_all), "apart": round(found.apart, 4)}
+            tried.append({"splats": len(trainer.splats), **lost, "good": good_enough})
             if good_enough:
                 best, good = trainer.state(), rung
             else:

@@ -60,7 +60,6 @@ class Errors:
                 name: [round(of_all.lpips[name], 4), round(value, 4)]
                 for name, value in self.lpips.items()
             },
-            "apart": round(self.apart, 4),
         }
 
     def as_good_as(self, of_all: Errors) -> bool:
@@ -112,20 +111,24 @@ class WatchedFrames:
             for name in _LOOKED_AT:
                 if (crop := _crop(regions[REGIONS.index(name)])) is not None:
                     lpips[name].append(self._lpips(made[crop], truth[crop]))
-        apart = [
-            self._lpips(made[crop][..., :3], other[crop][..., :3])
-            for made, other in zip(
-                self.from_beside() if from_beside else (), from_beside, strict=True
-            )
-            if (crop := _crop(other[..., 3] > _SHOWN)) is not None
-        ]
         shown = [(name, e / p) for name, e, p in zip(REGIONS, squared, pixels, strict=True)
                  if p >= _LEAST_PX]  # fmt: skip
         return Errors(
             {name: float(error) for name, error in shown},
             {name: float(np.mean(values)) for name, values in lpips.items() if values},
-            float(np.mean(apart)) if apart else 0.0,
+            self._apart(from_beside),
         )
+
+    def _apart(self, others: Sequence[Float[Array, "H W 4"]]) -> float:
+        """LPIPS between pictures from beside and `others`; 0 without any."""
+        if not others:
+            return 0.0
+        apart = [
+            self._lpips(made[crop][..., :3], other[crop][..., :3])
+            for made, other in zip(self.from_beside(), others, strict=True)
+            if (crop := _crop(other[..., 3] > _SHOWN)) is not None
+        ]
+        return float(np.mean(apart)) if apart else 0.0
 
     def _regions(self, frame: int) -> Bool[Array, "R H W"]:
         front, kinds = self._trainer.drawing.front(frame), self._trainer.splats.kinds

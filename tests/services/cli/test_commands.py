@@ -68,13 +68,19 @@ def test_what_was_tried_is_told_in_words():
     tried = [
         {"splats": 5000, "lost_db": {"body": 1.5}, "good": False},
         {"splats": 8000, "lost_db": {"body": 0.1}, "good": True},
-        {"splats": 7000, "lost_db": {"body": 0.2}, "good": True},
+        {
+            "splats": 7000,
+            "lost_db": {"body": 0.2},
+            "lpips": {"body": [0.05, 0.0507]},
+            "apart": 0.0084,
+            "good": True,
+        },
     ]
     assert size_words({"asked": "auto", "of": 20_000, "kept": 7000, "tried": tried}) == [
         "7,000 of 20,000 splats kept",
         "  5,000: worse by body +1.50 dB; too few",
         "  8,000: worse by body +0.10 dB; more than needed",
-        "  7,000: worse by body +0.20 dB; kept",
+        "  7,000: worse by body +0.20 dB, body +0.0007 LPIPS, 0.008 LPIPS apart from beside; kept",
     ]
     assert size_words(None) == []
 
