@@ -32,7 +32,7 @@ _BEYOND_PX = 2
 _LOOSE = 0.05
 """Share of the masks beyond the body from which clothes may be loose: of tight ones on exact poses
 it is nil."""
-_EXPLAINED = 0.5
+_EXPLAINED = 0.4
 """Least share of the squared difference between masks and body that cloth must explain, and
 (`_NEEDED`) that each garment must explain alone."""
 _NEEDED = 0.08
@@ -108,15 +108,16 @@ class Outlines:
         return float(self.masks[~near].sum() / max(self.masks.sum(), 1.0))
 
     def differences(self, tubes: Tubes | None) -> Float[Array, "F H W"]:
-        """Body and cloth where there is no mask (1), and the other way round (-1)."""
+        """Cloth where there is no mask (1), and the other way round (-1); 0 where the body is, for
+        what masks lack of it says nothing about cloth."""
         from renderer.splats.cloth.simulation_kernels import cover
 
-        covered = self.body.astype(np.uint8)
+        covered = np.zeros(self.body.shape, np.uint8)
         if tubes is not None:
             cloth, triangles = self.path.vertices(tubes), tubes.triangles
             for picture, projection, vertices in zip(covered, self.projections, cloth, strict=True):
                 cover(_projected(projection, vertices), triangles, picture)
-        return covered - self.masks
+        return (covered - self.masks) * ~self.body
 
 
 def _projected(projection: Float[Array, "3 4"], points: Float[Array, "V 3"]) -> Array:

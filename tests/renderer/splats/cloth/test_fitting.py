@@ -94,3 +94,18 @@ def test_of_hair_that_stands_out_no_cut_is_fitted(tmp_path: Path, monkeypatch: A
     assert Outlines.of(hairy).beyond > 0.05  # else nothing is tested
     monkeypatch.setattr(fitting, "descended", None)  # what takes long
     assert find_cut(hairy) is None
+
+
+def test_holes_of_masks_in_the_body_hide_no_skirt(tmp_path: Path):
+    make_sequence(tmp_path / "loose", seed=1, frames=12, size=80, test_cameras=1, look="loose")
+    loose = open_sequence(tmp_path / "loose")
+    masks = [loose.train.mask(frame).copy() for frame in range(len(loose.train))]
+    for number, mask in enumerate(masks):
+        rows, columns = (place[len(place) // 2] for place in np.nonzero(mask > 0.5))
+        cv2.circle(mask, (int(columns) + number % 3 - 1, int(rows)), 6, 0.0, -1)
+    holed = replace(loose, train=_Masked(loose.train, masks))
+    whole, found = find_cut(loose), find_cut(holed)
+    assert whole is not None
+    assert found is not None
+    assert found.garments == whole.garments
+    assert found.cut.skirt_length_m == pytest.approx(whole.cut.skirt_length_m, abs=0.08)
