@@ -25,6 +25,7 @@ def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
     matplotlib.use("Agg")
     matplotlib.rcParams["svg.hashsalt"] = "parsimony"
     from matplotlib import pyplot
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     figure, panels = pyplot.subplots(1, 3, figsize=(11, 3.8), layout="constrained")
     for axes, (measure, words) in zip(panels, _PANELS, strict=True):
@@ -38,7 +39,9 @@ def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
                 if points:
                     axes.plot(*np.mean(points, axis=0), mark, color=colour, ms=7, mec="black")
         axes.set(xscale="log", xlabel="MB that a page fetches", ylabel=words)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].legend(frameon=False, fontsize=8)
