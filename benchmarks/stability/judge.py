@@ -85,7 +85,9 @@ def figures(
     views = given
     if aligned:
         aligner = Aligner(model, material.sequence(PoseTrust.ESTIMATED))
-        views = [shown(model, frame, aligner.align(frame), truth) for frame in material.judged]
+        views = [
+            shown(model, frame, aligner.align(frame, truth), truth) for frame in material.judged
+        ]
     worst = min(views, key=lambda one: one.decibels)
     skeleton = material.body.skeleton
     trained = material.sequence(PoseTrust.ESTIMATED).motion

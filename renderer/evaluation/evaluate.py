@@ -27,7 +27,7 @@ from renderer.evaluation.pose_alignment import Aligner
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float
 from scene.camera import Camera
-from scene.motion import Pose
+from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix
 from scene.sequence import (
     NOVEL_VIEW,
@@ -138,7 +138,13 @@ def evaluate(
             []
             if source is None
             else [
-                _measure(evaluation, split, source, index, _test_pose(source, index, aligner))
+                _measure(
+                    evaluation,
+                    split,
+                    source,
+                    index,
+                    _test_pose(source, index, aligner, _motion_of(model, split)),
+                )
                 for index in _frames_every(source, every, rate)
             ]
         )
@@ -217,8 +223,17 @@ def _frames_every(source: FrameSource, every: int, frames_per_second: float) -> 
     return np.flatnonzero(numbers % every == 0).tolist()
 
 
-def _test_pose(source: FrameSource, index: int, aligner: Aligner | None) -> Pose:
-    return source.pose(index) if aligner is None else aligner.align(read_frame(source, index))
+def _test_pose(
+    source: FrameSource, index: int, aligner: Aligner | None, motion: Motion | None = None
+) -> Pose:
+    if aligner is None:
+        return source.pose(index)
+    return aligner.align(read_frame(source, index), motion)
+
+
+def _motion_of(model: PerformerModel, split: str) -> Motion | None:
+    """That frames of `split` are moments of, if they are of the clip."""
+    return model.motion if split in (NOVEL_VIEW, TRAINING_VIEW) else None
 
 
 def _measure(
@@ -227,8 +242,7 @@ def _measure(
     """One picture's figures."""
     camera, mask = source.camera(index), source.mask(index)
     truth = over_black(source.image(index), mask)
-    of_clip = split in (NOVEL_VIEW, TRAINING_VIEW)
-    motion = evaluation.model.motion if of_clip else None
+    motion = _motion_of(evaluation.model, split)
     made = np.clip(rendered_in(evaluation.model, camera, pose, motion)[..., :3], 0.0, 1.0)
     given = source.pose(index)
     side = side_of_body(camera, given, evaluation.skeleton)

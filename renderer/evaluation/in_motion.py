@@ -18,11 +18,20 @@ def rendered_in(
 
     They have settled in `pose` where it is no moment of `motion`, or there is none.
     """
+    hung = hung_in(model, pose, motion)
+    if hung is None or model.splats is None:
+        return model.render(camera, pose)
+    return model.splats.render(camera, pose, hung)
+
+
+def hung_in(model: PerformerModel, pose: Pose, motion: Motion | None) -> Float[Array, "V 3"] | None:
+    """Where loose clothes hang by `pose` in `motion`; None without any, or where it is no moment of
+    that."""
     splats = model.splats
     if splats is None or splats.cloth is None or motion is None or not _within(motion, pose):
-        return model.render(camera, pose)
+        return None
     path = MotionPath.of(motion, splats.skeleton, np.array([pose.time_s]))
-    return splats.render(camera, pose, path.hung(splats.cloth)[0])
+    return path.hung(splats.cloth)[0]
 
 
 def _within(motion: Motion, pose: Pose) -> bool:

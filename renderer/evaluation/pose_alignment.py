@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.evaluation.in_motion import hung_in
 from renderer.performer_model import PerformerModel
 from renderer.pose_refinement.photometry import (
     POSE_PARAMETERS,
@@ -23,7 +24,7 @@ from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats
 from scene.arrays import Array, Float, Int
 from scene.camera import Camera
-from scene.motion import Pose
+from scene.motion import Motion, Pose
 from scene.sequence import Frame, Sequence, body_crop
 
 _LEVELS = (4, 2, 1)
@@ -45,6 +46,7 @@ class Aligner:
 
     def __init__(self, model: PerformerModel, sequence: Sequence) -> None:
         self._model = model
+        self._hung: Float[Array, "V 3"] | None = None
         surface = model.splats
         if surface is None:
             surface = first_splats(sequence, SplatSettings(), np.random.default_rng(0))
@@ -56,12 +58,14 @@ class Aligner:
         )
         self._work = Workspace(len(self._parameters))
 
-    def align(self, frame: Frame) -> Pose:
+    def align(self, frame: Frame, motion: Motion | None = None) -> Pose:
         """The pose near `frame.pose` whose picture is nearest to the frame's, by Gauss-Newton
-        steps from a quarter of the resolution to the whole; never one that looks worse."""
+        steps from a quarter of the resolution to the whole; never one that looks worse. Loose
+        clothes hang as they swing in `motion`, of which the frame is a moment."""
         crop = body_crop(frame.mask, _MARGIN)
         if crop is None:
             return frame.pose
+        self._hung = hung_in(self._model, frame.pose, motion)
         truth = np.concatenate([frame.image, frame.mask[..., None]], axis=2)[crop]
         camera = frame.camera.cropped(crop[1].start, crop[0].start, truth.shape[1], truth.shape[0])
         pose = frame.pose
@@ -77,7 +81,7 @@ class Aligner:
         total_step = np.zeros(POSE_PARAMETERS)  # the way from `given` so far, added up
         for _ in range(_STEPS):
             equations = normal_equations(
-                self._model.render(camera, pose),
+                self._drawn(camera, pose),
                 truth,
                 self._front(camera, pose),
                 self._points,
@@ -93,7 +97,12 @@ class Aligner:
         return pose
 
     def _cost(self, truth: Float[Array, "H W 4"], camera: Camera, pose: Pose) -> float:
-        return robust_cost(self._model.render(camera, pose) - truth)
+        return robust_cost(self._drawn(camera, pose) - truth)
+
+    def _drawn(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
+        if self._hung is None or self._model.splats is None:
+            return self._model.render(camera, pose)
+        return self._model.splats.render(camera, pose, self._hung)
 
     def _front(self, camera: Camera, pose: Pose) -> Int[Array, "H W"]:
         transforms = self._model.skeleton.skinning_transforms(

@@ -10,6 +10,7 @@ import pytest
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.evaluation.evaluate import evaluate
+from renderer.evaluation.in_motion import rendered_in
 from renderer.evaluation.metrics import psnr
 from renderer.evaluation.pose_alignment import Aligner
 from renderer.training import train
@@ -61,3 +62,18 @@ def test_evaluation_says_that_poses_were_aligned(clip, model):
     assert given["conditions"]["test_poses"] == "as given"
     assert aligned["conditions"]["test_poses"] == "aligned with their own pictures"
     assert aligned["psnr"][NOVEL_VIEW]["body_crop"] > given["psnr"][NOVEL_VIEW]["body_crop"] - 0.2
+
+
+def test_cloth_that_swings_bends_no_pose(tmp_path):
+    make_sequence(tmp_path / "loose", seed=1, look="loose", frames=12, size=80, test_cameras=1)
+    loose = open_sequence(tmp_path / "loose")
+    model = train(loose, iterations=60, clock=lambda: 0.0)
+    assert model.splats is not None
+    assert model.splats.cloth is not None
+    frame, off = read_frame(loose.test[NOVEL_VIEW], 9), []
+    picture = rendered_in(model, frame.camera, frame.pose, loose.motion)
+    seen = replace(frame, image=picture[..., :3], mask=picture[..., 3])
+    for motion in (None, loose.motion):
+        found = Aligner(model, loose).align(seen, motion)
+        off.append(np.abs(found.joint_angles - frame.pose.joint_angles).max())
+    assert off[1] < 1e-3 < off[0]
