@@ -77,10 +77,16 @@ def finding(figures: Figures) -> str:
         for name in names
         if all(point.broken.at is None for point in points if point.axis == name)
     ]
-    useless = [
-        f"{AXES[name].words} ({_loss(figures, name)})"
+    lost = {
+        name: {
+            p.subject
+            for p in points
+            if p.axis == name and p.unusable.share == 0.0 and p.unusable.last
+        }
         for name in names
-        if any(p.unusable.share == 0.0 and p.unusable.last for p in points if p.axis == name)
+    }
+    useless = [
+        f"{AXES[name].words} ({_loss(figures, name, who)})" for name, who in lost.items() if who
     ]
     return (
         f"Of {len(names)} axes {len(whole)} hold to their last step: {_listed(whole)}. At the "
@@ -92,18 +98,22 @@ def _listed(words: list[str]) -> str:
     return "; ".join(words) or "none"
 
 
-def _loss(figures: Figures, name: str) -> str:
-    """dB from undisturbed to the first step, over the subjects that have both."""
-    axis, by_step = AXES[name], {}
+def _loss(figures: Figures, name: str, subjects: set[str]) -> str:
+    """dB from undisturbed to the first step, over those of `subjects` that have both; who they are,
+    where others were measured, too."""
+    axis, by_step, others = AXES[name], {}, False
     for row in figures["rows"]:
         if (row["axis"], row["method"], row["outcome"]) == (name, _SPLATS, MEASURED):
-            by_step.setdefault(row["step"], {})[row["subject"]] = row["psnr"]
+            others |= row["subject"] not in subjects
+            if row["subject"] in subjects:
+                by_step.setdefault(row["step"], {})[row["subject"]] = row["psnr"]
     steps = sorted(by_step, key=axis.steps.index)[:2]
     both = set.intersection(*(set(by_step[step]) for step in steps)) if len(steps) == 2 else set()
     if not both:
         return "no picture"
     before, after = (float(np.mean([by_step[step][who] for who in both])) for step in steps)
-    return f"{axis.label(steps[1])}: {before:.1f} to {after:.1f} dB"
+    told = f"{axis.label(steps[1])}: {before:.1f} to {after:.1f} dB"
+    return f"{', '.join(sorted(subjects))}; {told}" if others else told
 
 
 def _outcomes(figures: Figures) -> str:
