@@ -92,14 +92,14 @@ class WatchedFrames:
             total += self._trainer.drawing.contribution(frame)
         return total / len(self._frames)
 
-    def from_beside(self) -> list[Float[Array, "H W 4"]]:
+    def from_beside(self) -> list[Float[Array, "_ _ 4"]]:
         """Pictures of the model as it is now."""
         return [
             self._trainer.drawing.turned(frame, (-1.0) ** place * _BESIDE_RAD)
             for place, frame in enumerate(self._frames[::_EVERY])
         ]
 
-    def errors(self, from_beside: Sequence[Float[Array, "H W 4"]] = ()) -> Errors:
+    def errors(self, from_beside: Sequence[Float[Array, "_ _ 4"]] = ()) -> Errors:
         """Of the model as it is now, which is held to pictures `from_beside`, if there are any."""
         squared, pixels = np.zeros(len(REGIONS)), np.zeros(len(REGIONS))
         lpips: dict[str, list[float]] = {name: [] for name in _LOOKED_AT}
@@ -119,7 +119,7 @@ class WatchedFrames:
             self._apart(from_beside),
         )
 
-    def _apart(self, others: Sequence[Float[Array, "H W 4"]]) -> float:
+    def _apart(self, others: Sequence[Float[Array, "_ _ 4"]]) -> float:
         """LPIPS between pictures from beside and `others`; 0 without any."""
         if not others:
             return 0.0

@@ -36,8 +36,8 @@ def test_what_nobody_sees_does_not_count():
 
 
 def test_who_looks_another_from_beside_is_not_as_good():
-    assert errors(1e-3, 0.05, apart=0.008).as_good_as(errors(1e-3, 0.05))
-    assert not errors(1e-3, 0.05, apart=0.011).as_good_as(errors(1e-3, 0.05))
+    assert errors(1e-3, 0.05, apart=0.01).as_good_as(errors(1e-3, 0.05))
+    assert not errors(1e-3, 0.05, apart=0.012).as_good_as(errors(1e-3, 0.05))
 
 
 def test_pictures_from_beside_are_of_somebody_turned_to_either_side():
