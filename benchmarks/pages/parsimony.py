@@ -90,7 +90,8 @@ def _ladders(figures: Figures) -> Iterator[str]:
 
 
 def _field(figures: Figures) -> list[str]:
-    """What is changed about it, a row each: costs are means over the people it was measured on."""
+    """What is changed about it, a row each: costs are of the first person, on whom all was
+    measured, at one time."""
     rows = [row for row in figures["rows"] if row["group"] == "field"]
     if not rows:
         return []
@@ -98,7 +99,7 @@ def _field(figures: Figures) -> list[str]:
     shown = []
     for name in dict.fromkeys(row["name"] for row in rows):
         found = [_mean(rows, subject, "field", name) for subject in subjects]
-        cost = _means([row for row in rows if row["name"] == name])
+        cost = _means([row for row in rows if (row["subject"], row["name"]) == (subjects[0], name)])
         accuracies = ["" if one is None else _accuracy(one, "body") for one in found]
         shown.append([name, *accuracies, *_costs(cost, "megabytes")])
     table = markdown_table(["body, dB / LPIPS", *subjects, *_COSTS], shown)
