@@ -18,7 +18,13 @@ def rendered_in(
 
     They have settled in `pose` where it is no moment of `motion`, or there is none.
     """
-    hung = hung_in(model, pose, motion)
+    return rendered_hung(model, camera, pose, hung_in(model, pose, motion))
+
+
+def rendered_hung(
+    model: PerformerModel, camera: Camera, pose: Pose, hung: Float[Array, "V 3"] | None
+) -> Float[Array, "H W 4"]:
+    """`model` in `pose`, with loose clothes as they hang by `hung_in`, premultiplied."""
     if hung is None or model.splats is None:
         return model.render(camera, pose)
     return model.splats.render(camera, pose, hung)

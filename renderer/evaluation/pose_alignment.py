@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.evaluation.in_motion import hung_in
+from renderer.evaluation.in_motion import hung_in, rendered_hung
 from renderer.performer_model import PerformerModel
 from renderer.pose_refinement.photometry import (
     POSE_PARAMETERS,
@@ -100,9 +100,7 @@ class Aligner:
         return robust_cost(self._drawn(camera, pose) - truth)
 
     def _drawn(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
-        if self._hung is None or self._model.splats is None:
-            return self._model.render(camera, pose)
-        return self._model.splats.render(camera, pose, self._hung)
+        return rendered_hung(self._model, camera, pose, self._hung)
 
     def _front(self, camera: Camera, pose: Pose) -> Int[Array, "H W"]:
         transforms = self._model.skeleton.skinning_transforms(
