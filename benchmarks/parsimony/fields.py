@@ -44,7 +44,13 @@ class FieldRung:
     backbone: Path | None = None
     """Of a perceptual loss."""
     seeds: tuple[int, ...] = (0,)
+    real_alone: bool = False
+    """Where poses are exact there is nothing to refine."""
     group: str = "field"
+
+    def fits(self, *, real: bool) -> bool:
+        """Whether this is of use for a clip: poses of a real one are off as they are."""
+        return not self.poses_off if real else not self.real_alone
 
     def clip(self, clip: Sequence) -> Sequence:
         """What is trained on."""
@@ -129,6 +135,7 @@ FIELD_LADDER = (
     *(FieldRung(f"pictures of {side} px", _set(most_px=side)) for side in (64, 128)),
     _PATCHES,
     replace(_PATCHES, name="patches of 20 px, LPIPS", backbone=PACKAGED_BACKBONE),
+    replace(_size("refiner off", refiner=None), real_alone=True),
     FieldRung("poses off", poses_off=True),
     replace(_size("poses off, refiner off", refiner=None), poses_off=True),
     replace(_size("poses off, residual on", residual=_RESIDUAL), poses_off=True),

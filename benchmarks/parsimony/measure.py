@@ -59,7 +59,8 @@ def run(
 
         rows += measured_rows(cache, subject, rungs, steps, clock, splats)
         if subject.as_field:
-            rows += measured_rows(cache, subject, FIELD_LADDER, FIELD_STEPS, clock, field)
+            fields = [rung for rung in FIELD_LADDER if rung.fits(real=subject.real)]
+            rows += measured_rows(cache, subject, fields, FIELD_STEPS, clock, field)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,

@@ -165,9 +165,19 @@ SUBJECTS = (
     LadderSubject(
         "amber-loose", "painted, in loose clothes, dances", Studio("amber", look="loose")
     ),
-    LadderSubject("grey-shirt", "real, at a webcam", WebcamClip("grey_shirt_sorry"), real=True),
     LadderSubject(
-        "patterned-shirt", "real, at a webcam", WebcamClip("patterned_shirt_sister"), real=True
+        "grey-shirt",
+        "real, at a webcam",
+        WebcamClip("grey_shirt_sorry"),
+        real=True,
+        as_field=True,
+    ),
+    LadderSubject(
+        "patterned-shirt",
+        "real, at a webcam",
+        WebcamClip("patterned_shirt_sister"),
+        real=True,
+        as_field=True,
     ),
 )
 QUICK = (LadderSubject("uniform", "as above, small", Studio(size=96, frames=24)),)

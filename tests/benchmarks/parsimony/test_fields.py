@@ -37,6 +37,14 @@ def test_every_rung_changes_one_thing_and_has_a_name_of_its_own():
         assert FieldSizes.from_json(sizes.to_json()) == sizes, "a model file can hold it"
 
 
+def test_a_real_clip_has_its_poses_and_a_studio_one_has_none_to_refine():
+    real, studio = (
+        [rung.name for rung in FIELD_LADDER if rung.fits(real=real)] for real in (True, False)
+    )
+    assert set(studio) - set(real) == {name for name, rung in RUNGS.items() if rung.poses_off}
+    assert set(real) - set(studio) == {"refiner off"}
+
+
 def test_poses_are_off_by_as_much_as_said_and_pictures_stay():
     clip = make_sequence()
     off = RUNGS["poses off"].clip(clip)
