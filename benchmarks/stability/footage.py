@@ -92,6 +92,19 @@ def holed(count: float) -> Degrade:
     return degrade
 
 
+def outlined(px: float) -> Degrade:
+    """The edge of each mask further out by `px`, or in where that is below nil."""
+    size = 2 * round(abs(px)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    moved = cv2.dilate if px > 0.0 else cv2.erode
+
+    def degrade(person: Landmarks, rng: np.random.Generator) -> Landmarks:
+        del rng
+        return replace(person, mask=moved(person.mask, disc).astype(np.float32))
+
+    return degrade
+
+
 def shrunk(share: float) -> Callable[[Clip, Pictures], Pictures]:
     """Footage of a share of the size."""
     return lambda _, images: [
