@@ -23,7 +23,7 @@ from capture.storage import open_sequence
 from db import migrations
 from db.models import Admission, RecordingState, Role
 from renderer.field.settings import FAST
-from renderer.field.sizes import GridSize
+from renderer.field.sizes import GridSize, MlpSize
 from renderer.model_files import load_model
 from renderer.performer_model import PerformerModel
 from renderer.presets import Preset
@@ -53,7 +53,12 @@ PRESETS = {
             "a coarse grid",
             replace(
                 FAST,
-                sizes=replace(FAST.sizes, grid=GridSize(0.04, 4, 0.04, 0.04), volume=(8, 24, 24)),
+                sizes=replace(
+                    FAST.sizes,
+                    grid=GridSize(0.04, 4, 0.04, 0.04),
+                    volume=(8, 24, 24),
+                    refiner=MlpSize(depth=2, width=64),
+                ),
             ),
         ),
         40,

@@ -29,7 +29,7 @@ NOISE_DEG = 5.0
 """About each axis of each joint, in each frame by itself."""
 _PATCH_PX = 20
 """As in the paper."""
-_RESIDUAL = MlpSize(depth=2, width=64)
+_RESIDUAL = _REFINER = MlpSize(depth=2, width=64)
 Change = Callable[[FieldSettings], FieldSettings]
 
 
@@ -40,7 +40,7 @@ class FieldRung:
     name: str
     settings: Change = lambda settings: settings
     poses_off: bool = False
-    """Poses are noisy and count as estimated: refining them begins."""
+    """Poses are noisy and count as estimated."""
     backbone: Path | None = None
     """Of a perceptual loss."""
     seeds: tuple[int, ...] = (0,)
@@ -135,8 +135,8 @@ FIELD_LADDER = (
     *(FieldRung(f"pictures of {side} px", _set(most_px=side)) for side in (64, 128)),
     _PATCHES,
     replace(_PATCHES, name="patches of 20 px, LPIPS", backbone=PACKAGED_BACKBONE),
-    replace(_size("refiner off", refiner=None), real_alone=True),
+    replace(_size("refiner on", refiner=_REFINER), real_alone=True),
     FieldRung("poses off", poses_off=True),
-    replace(_size("poses off, refiner off", refiner=None), poses_off=True),
+    replace(_size("poses off, refiner on", refiner=_REFINER), poses_off=True),
     replace(_size("poses off, residual on", residual=_RESIDUAL), poses_off=True),
 )

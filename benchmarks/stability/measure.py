@@ -63,7 +63,7 @@ class StabilityEffort(SplatEffort):
 
     @property
     def of_a_field(self) -> Method:
-        """A field, which refines poses by the paper's network."""
+        """A field, which takes poses as they are."""
         return Method(FIELD, FIELD, self.field_iterations, believes_poses=False, aligned=True)
 
 

@@ -40,7 +40,7 @@ from db.models import (
 from renderer.checkpoint import load_model, save_model
 from renderer.errors import TrainingStopped
 from renderer.field.settings import FAST
-from renderer.field.sizes import GridSize
+from renderer.field.sizes import GridSize, MlpSize
 from renderer.presets import Preset
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
@@ -69,7 +69,12 @@ FIELD = Preset(
     "a coarse grid",
     replace(
         FAST,
-        sizes=replace(FAST.sizes, grid=GridSize(0.04, 4, 0.04, 0.04), volume=(8, 24, 24)),
+        sizes=replace(
+            FAST.sizes,
+            grid=GridSize(0.04, 4, 0.04, 0.04),
+            volume=(8, 24, 24),
+            refiner=MlpSize(depth=2, width=64),
+        ),
     ),
 )
 VIEW, POSE = 2, 3

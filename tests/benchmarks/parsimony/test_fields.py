@@ -42,7 +42,7 @@ def test_a_real_clip_has_its_poses_and_a_studio_one_has_none_to_refine():
         [rung.name for rung in FIELD_LADDER if rung.fits(real=real)] for real in (True, False)
     )
     assert set(studio) - set(real) == {name for name, rung in RUNGS.items() if rung.poses_off}
-    assert set(real) - set(studio) == {"refiner off"}
+    assert set(real) - set(studio) == {"refiner on"}
 
 
 def test_poses_are_off_by_as_much_as_said_and_pictures_stay():
@@ -64,7 +64,7 @@ def test_poses_are_off_by_as_much_as_said_and_pictures_stay():
 
 @pytest.mark.parametrize(
     "name",
-    ["no MLP, colour from the grid", "patches of 20 px, LPIPS", "poses off, residual on"],
+    ["no MLP, colour from the grid", "patches of 20 px, LPIPS", "poses off, refiner on"],
 )
 def test_a_rung_that_takes_another_way_through_training_can_be_trained(name: str):
     preset, rung = find_preset("fast"), RUNGS[name]
