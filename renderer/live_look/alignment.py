@@ -26,6 +26,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from scene.arrays import Array, Float, Int, UInt8
 from scene.camera import Camera
+from scene.dense_flow import dense_flow
 from scene.motion import Pose
 from scene.structure_tensor import structure_tensor
 
@@ -101,7 +102,7 @@ class FlowAligner:
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
         flow = np.zeros((camera.height, camera.width, 2), np.float32)
         cut_out = _cut_out_luma(picture)
-        flow = self._flow.calc(_luma(drawn[..., :3]), cut_out, flow)
+        flow = dense_flow(self._flow, _luma(drawn[..., :3]), cut_out, flow)
         rows, columns, front = self._sampled(drawn[..., 3])
         at = rows, columns
         return self._pose_step(front, flow[at].astype(float), structure(cut_out, *at), camera, pose)

@@ -29,6 +29,7 @@ from capture.fitting.term import Term
 from capture.fitting.terms.flow_kernels import motion_energy, nearest_motion
 from capture.fitting.window import Window, window_around
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
+from scene.dense_flow import dense_flow
 from scene.structure_tensor import structure_tensor
 
 _STRIDES = (1, 3)
@@ -316,12 +317,10 @@ def _pair_flow(
     first_vertices, second_vertices = (
         pixels[f] - (part[1].start, part[0].start) for f in (first, second)
     )
-    forward = search.calc(
-        a, b, _initial_flow(a.shape, first_vertices, second_vertices, visible[first])
-    )
-    backward = search.calc(
-        b, a, _initial_flow(a.shape, second_vertices, first_vertices, visible[second])
-    )
+    begun = _initial_flow(a.shape, first_vertices, second_vertices, visible[first])
+    forward = dense_flow(search, a, b, begun)
+    begun = _initial_flow(a.shape, second_vertices, first_vertices, visible[second])
+    backward = dense_flow(search, b, a, begun)
     y, x = np.mgrid[: a.shape[0], : a.shape[1]].astype(np.float32)
     target = (x + forward[..., 0], y + forward[..., 1])
     returned = cv2.remap(backward, *target, cv2.INTER_LINEAR, borderValue=(1e4, 1e4))

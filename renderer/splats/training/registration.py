@@ -2,8 +2,8 @@
 
 Cloth creases, hair swings, and poses are a little off. So each picture shows a print, a strand or
 an outline a pixel or two from where the model has it, and the mean of all of them is a blur. The
-model of half a training tells well enough where things belong: smooth optical flow (dense inverse
-search, Kroeger et al. 2016) from its picture to the frame's moves what the frame shows there, as
+model of half a training tells well enough where things belong: smooth optical flow
+(`scene.dense_flow`) from its picture to the frame's moves what the frame shows there, as
 photographs are registered to a scanned surface (Zhou and Koltun 2014).
 """
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from renderer.splats.training.views import View
 from scene.arrays import Array, Float
+from scene.dense_flow import dense_flow
 
 _GRID = 64
 """Rows and columns of places of a picture whose flow is kept."""
@@ -24,8 +25,6 @@ _RETURNS_PX = 1.0
 """Distance from where it began at which flow there and back must end, else it is not trusted."""
 _STANDS_OUT = 0.1
 """Alpha of the model from which there is something to register to."""
-_LEAST_PX = 12
-"""Sides of the smallest picture in which flow is sought."""
 _OVER = 0.5
 """Grey behind both, darker than light clothes and lighter than dark ones."""
 
@@ -38,12 +37,10 @@ def flow_to_frame(
     """
     import cv2
 
-    if min(made.shape[:2]) < _LEAST_PX:
-        return np.zeros((_GRID, _GRID, 2), np.float16)
     search, height = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM), len(made)
     one, other, nothing = _grey(made), _grey(truth), np.zeros((*made.shape[:2], 2), np.float32)
-    flow = search.calc(one, other, nothing.copy())
-    back = _moved(search.calc(other, one, nothing), flow, cv2.INTER_LINEAR)
+    flow = dense_flow(search, one, other, nothing.copy())
+    back = _moved(dense_flow(search, other, one, nothing), flow, cv2.INTER_LINEAR)
     trust = np.hypot(cv2.Sobel(one, cv2.CV_32F, 1, 0), cv2.Sobel(one, cv2.CV_32F, 0, 1)) + 1.0
     trust[np.linalg.norm(flow + back, axis=2) > _RETURNS_PX] = 0.0
     trust[cv2.dilate(made[..., 3], np.ones((3, 3), np.uint8)) < _STANDS_OUT] = 0.0

@@ -204,6 +204,15 @@ def test_a_picture_without_anybody_changes_nothing(model, webcam):
     assert not look.change_at(pose.time_s).any()
 
 
+def test_a_strip_at_the_edge_of_the_webcams_picture_is_no_harm(model, webcam):
+    """What is left of a square that reaches far beyond it: lower than a patch of optical flow."""
+    camera, pose = webcam
+    strip = camera.cropped(0, camera.height // 2, camera.width, 9)
+    picture = seen(model, strip, pose)
+    found, _ = LiveLook(model).see(picture)
+    assert np.isfinite(found.joint_angles).all()
+
+
 def test_a_picture_of_another_size_than_its_camera_is_refused(webcam):
     camera, pose = webcam
     with pytest.raises(InvalidInput, match="rgb"):

@@ -64,7 +64,7 @@ def test_colours_stay_premultiplied():
     assert (moved[..., :3] <= moved[..., 3:]).all()
 
 
-@pytest.mark.parametrize("size", [(4, 3), (12, 9), (5, 80)])
+@pytest.mark.parametrize("size", [(4, 3), (12, 9), (5, 80), (13, 48)])
 def test_pictures_may_be_tiny(size: tuple[int, int]):
     picture = np.random.default_rng(0).uniform(size=(*size, 4)).astype(np.float32)
     assert np.isfinite(flow_to_frame(picture, picture)).all()
