@@ -90,8 +90,7 @@ def _ladders(figures: Figures) -> Iterator[str]:
 
 
 def _field(figures: Figures) -> list[str]:
-    """What is changed about it, a row each: costs are of the first person, on whom all was
-    measured, at one time."""
+    """What is changed about it, a row each: costs are of the first who has it."""
     rows = [row for row in figures["rows"] if row["group"] == "field"]
     if not rows:
         return []
@@ -99,11 +98,16 @@ def _field(figures: Figures) -> list[str]:
     shown = []
     for name in dict.fromkeys(row["name"] for row in rows):
         found = [_mean(rows, subject, "field", name) for subject in subjects]
-        cost = _means([row for row in rows if (row["subject"], row["name"]) == (subjects[0], name)])
-        accuracies = ["" if one is None else _accuracy(one, "body") for one in found]
+        cost = next(one for one in found if one is not None)
+        accuracies = ["" if one is None else _body_and_face(one) for one in found]
         shown.append([name, *accuracies, *_costs(cost, "megabytes")])
-    table = markdown_table(["body, dB / LPIPS", *subjects, *_COSTS], shown)
+    table = markdown_table(["body; face, dB / LPIPS", *subjects, *_COSTS], shown)
     return ["### The ladder of a neural field", table]
+
+
+def _body_and_face(row: dict[str, float]) -> str:
+    faces = [_accuracy(row, "face")] if "face_psnr" in row else []
+    return "; ".join([_accuracy(row, "body"), *faces])
 
 
 def _costs(row: dict[str, float], megabytes: str) -> list[str]:

@@ -141,10 +141,13 @@ def test_the_page_shows_a_field_where_one_was_measured():
         row("studio", "field", "as it is", 1, 31.0),
         {**row("real", "field", "as it is", 0, 28.0), "training_s": 48.0, "megabytes": 4.0},
         row("studio", "field", "1 channel", 0, 29.0),
+        {**row("real", "field", "refiner on", 0, 27.0), "training_s": 211.0},
     ]
     page = parsimony({**figures(), "rows": [*rows(), *of_two]})
-    assert "| body, dB / LPIPS | studio | real | parameters | MB | " in page
-    assert "| as it is | 30.5 / 0.100 | 28.0 / 0.100 | 480.0 k | 1.00 | 3.0 | 12 |" in page, "costs"
+    assert "| body; face, dB / LPIPS | studio | real | parameters | MB | " in page
+    of_both = "| as it is | 30.5 / 0.100 | 28.0 / 0.100; 28.0 / 0.050 | 480.0 k | 1.00 | 3.0 | 12 |"
+    assert of_both in page, "costs are of the first"
+    assert "| refiner on |  | 27.0 / 0.100; 27.0 / 0.050 | 480.0 k | 1.00 | 3.0 | 211 |" in page
     assert "| 1 channel | 29.0 / 0.100 |  | 480.0 k | 1.00 | 3.0 | 12 |" in page
 
 
