@@ -44,7 +44,7 @@ def draw_parsimony(figures: dict[str, Any], path: Path) -> None:
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
-    panels[0].legend(frameon=False, fontsize=8)
+    panels[-1].legend(*panels[0].get_legend_handles_labels(), frameon=False, fontsize=8)
     figure.suptitle("Square: all splats; circle: as few as the clip shows a need for", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
