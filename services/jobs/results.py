@@ -55,7 +55,8 @@ class Results:
     def commit(self, write: Callable[[UnitOfWork, JobRow], str]) -> None:
         """Write rows and end the job in one transaction; `write` returns the last message.
 
-        Raises JobStopped where this attempt is no longer the one that runs the job.
+        Raises JobStopped where this attempt is no longer the one that runs the job, or the job is
+        to be cancelled.
         """
 
         def end(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
@@ -85,7 +86,10 @@ class Results:
                 self._job.id, self._job.attempt, {"heartbeat_at": self._services.clock()}
             ):
                 raise JobStopped
-            orphans = change(unit, unit.jobs.get(self._job.id))
+            job = unit.jobs.get(self._job.id)
+            if job.cancel_requested:
+                raise JobStopped
+            orphans = change(unit, job)
             unit.commit()
         drop_orphans(self._services, orphans)
 
