@@ -100,6 +100,11 @@ class CaptureOptions:
         require_given(self.pose_model, self.face_model, self.hand_model)
         if self.height_m is not None:
             require_height(self.height_m)
+        if self.focal_px is not None and not 0.0 < self.focal_px < np.inf:
+            raise InvalidInput(
+                "focal_px must be positive, in pixels of the clip; "
+                f"got {self.focal_px}; leave it out to have it estimated"
+            )
 
 
 @dataclass(frozen=True)

@@ -204,6 +204,14 @@ def test_an_overlay_must_be_an_mp4(zipped, estimator, tmp_path):
             capture_clip(zipped, tmp_path / "seq", options)
 
 
+@pytest.mark.parametrize("focal_px", [0.0, -5.0, np.inf, np.nan])
+def test_no_lens_has_such_a_focal_length(zipped, estimator, tmp_path, focal_px: float):
+    options = CaptureOptions(person="Ada", estimator=estimator, focal_px=focal_px)
+    with pytest.raises(InvalidInput, match=r"focal_px must be positive.*leave it out"):
+        capture_clip(zipped, tmp_path / "out", options)
+    assert not (tmp_path / "out").exists()
+
+
 def test_progress_rises_and_names_the_stages(captured):
     told = captured[2]
     shares = [done for done, _ in told]
